@@ -1,0 +1,4 @@
+"""`python -m pdhpc` is the program."""
+from pdhpc.cli import main
+
+main()

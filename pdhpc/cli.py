@@ -1,0 +1,178 @@
+"""Command line: words in, calls out. Heavy imports happen inside the subcommands, so that --help is quick."""
+import argparse
+import sys
+
+EXIT_FAILED, EXIT_BAD_INPUT = 1, 2
+
+
+def main(arguments=None):
+    """Run one subcommand and exit with its code: 0 done, 1 failed in the run, 2 bad input."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    words, petsc_options = _split_petsc_options(words)
+    options = _parser().parse_args(words)
+    options.petsc_options = petsc_options
+    sys.exit(_report_errors(options))
+
+
+def _split_petsc_options(words):
+    """Return (words before "--", words after it)."""
+    if "--" not in words:
+        return words, []
+    at = words.index("--")
+    return words[:at], words[at + 1 :]
+
+
+def _parser():
+    parser = argparse.ArgumentParser(prog="pdhpc", description="Fracture by peridynamics on parallel machines.")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    run = commands.add_parser("run", help="run a scene (alone or under mpirun/srun)", epilog="Options after -- go to PETSc.")
+    run.add_argument("scene", metavar="SCENE")
+    run.add_argument("-o", "--output", metavar="DIR", required=True, help="folder for run.json, fields.h5, history.csv and pictures")
+    run.add_argument("--overwrite", action="store_true", help="replace the run that DIR holds")
+    run.add_argument("--quiet", action="store_true", help="no progress, no table")
+    _add_set(run)
+    run.set_defaults(action=_run)
+    check = commands.add_parser("check", help="say what a scene would do, without running it")
+    check.add_argument("scene", metavar="SCENE", nargs="?")
+    check.add_argument("--explain", action="store_true", help="print every key: value, given or default, unit, meaning, source")
+    check.add_argument("--schema", action="store_true", help="print the JSON schema of scenes, for editors")
+    check.add_argument("--ranks", type=int, default=None, metavar="N", help="number of ranks to estimate for (default: this job's)")
+    _add_set(check)
+    check.set_defaults(action=_check)
+    view = commands.add_parser("view", help="draw pictures of a run")
+    view.add_argument("directory", metavar="DIR")
+    view.set_defaults(action=_view)
+    verify = commands.add_parser("verify", help="run the named checks of the physics on this machine")
+    verify.add_argument("names", metavar="NAME", nargs="*")
+    verify.add_argument("--list", action="store_true", help="list the checks and what they hold")
+    verify.set_defaults(action=_verify)
+    return parser
+
+
+def _add_set(parser):
+    parser.add_argument("--set", action="append", default=[], metavar="section.key=value", dest="overrides", help="change a key of the scene; may be repeated")
+
+
+def _report_errors(options):
+    """Return the exit code of a subcommand; an expected error becomes one sentence on rank 0."""
+    from pdhpc.run import RunError
+    from pdhpc.output.record import OutputError
+    from pdhpc.scene.read import SceneError
+
+    try:
+        return options.action(options)
+    except SceneError as error:
+        return _say(error, EXIT_BAD_INPUT)
+    except OutputError as error:
+        return _say(error, getattr(error, "exit_code", EXIT_FAILED))
+    except RunError as error:
+        return _say(error, EXIT_FAILED)
+
+
+def _say(error, code):
+    """Print an error once, whatever the number of ranks, and return the exit code."""
+    if _is_root():
+        print(f"pdhpc: {error}", file=sys.stderr, flush=True)
+    return code
+
+
+def _is_root():
+    """Whether this process prints: rank 0, or the only one. MPI is asked only when it is running."""
+    mpi = sys.modules.get("mpi4py.MPI")
+    return mpi is None or mpi.COMM_WORLD.rank == 0
+
+
+def _run(options):
+    _insert_petsc_options(options.petsc_options)
+    from pdhpc.output.record import check_directory
+    from pdhpc.parallel.comm import on_root, world
+    from pdhpc.simulation import Simulation, read_on_root
+
+    comm = world()
+    scene = read_on_root(options.scene, options.overrides, comm)
+    on_root(comm, check_directory, options.output, options.overwrite)
+    simulation = Simulation(scene, comm)
+    record = simulation.run(options.output, options.overwrite, options.quiet)
+    if comm.rank == 0:
+        _finish_on_root(scene, record, options)
+    return 0
+
+
+def _finish_on_root(scene, record, options):
+    """Draw the pictures and print the summary."""
+    from pdhpc.report import print_summary
+
+    pictures = _draw(options.output, scene) if scene.output.pictures else []
+    if not options.quiet:
+        print_summary(record, options.output, pictures)
+
+
+def _draw(directory, scene):
+    from pdhpc.output.picture import draw
+
+    return draw(directory, _curve_columns(scene, directory))
+
+
+def _curve_columns(scene, directory):
+    """Return [(name, x column, y column)] of the scene's curves as history.csv names them."""
+    from pathlib import Path
+
+    with open(Path(directory) / "history.csv") as file:
+        columns = file.readline().strip().split(",")
+    full = {column.split(" [")[0]: column for column in columns}
+    return [(curve.name, full[curve.x], full[curve.y]) for curve in scene.curve]
+
+
+def _insert_petsc_options(words):
+    """Hand the words after "--" to PETSc before anything initialises it."""
+    if words:
+        import petsc4py
+
+        petsc4py.init([sys.argv[0], *words])
+
+
+def _check(options):
+    from pdhpc.scene import explain
+
+    if options.schema:
+        import json
+
+        print(json.dumps(explain.json_schema(), indent=2))
+        return 0
+    from pdhpc.scene.read import SceneError, read_scene
+
+    if options.scene is None:
+        raise SceneError("pdhpc check: no scene given; allowed is a scene file (or --schema)")
+    from pdhpc import report
+
+    scene = read_scene(options.scene, options.overrides)
+    if options.explain:
+        report.print_explanation(explain.explain(scene))
+    report.print_check(scene, options.ranks)
+    return 0
+
+
+def _view(options):
+    from pathlib import Path
+
+    from pdhpc.output.record import OutputError
+
+    record = Path(options.directory) / "run.json"
+    if not record.is_file():
+        error = OutputError(f"{options.directory}: no run.json found; allowed is the output folder of a run")
+        error.exit_code = EXIT_BAD_INPUT
+        raise error
+    import json
+
+    from pdhpc.scene.read import scene_from_dict
+
+    scene = scene_from_dict(json.loads(record.read_text())["scene"], str(record))
+    for path in _draw(options.directory, scene):
+        print(path)
+    return 0
+
+
+def _verify(options):
+    from pdhpc.study.verify import catalogue
+
+    return catalogue.main(options.names, options.list)

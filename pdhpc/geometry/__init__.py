@@ -1,0 +1,1 @@
+"""L1: shapes, lattices that fill them, cracks that cut bonds."""

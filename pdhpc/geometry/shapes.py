@@ -1,0 +1,108 @@
+"""Shapes that say which points they contain; boundaries belong to the shape."""
+from dataclasses import dataclass, field
+from typing import Tuple
+
+import numpy as np
+
+_ON_BOUNDARY = 1e-9  # relative to the size of the shape: points that round-off moved off its boundary still belong to it
+
+
+@dataclass(frozen=True)
+class Box:
+    """Axis-aligned box lower <= x <= upper, m."""
+
+    lower: Tuple[float, ...]
+    upper: Tuple[float, ...]
+
+    def contains(self, points):
+        """Return (n,) bool for points (n, dim), m."""
+        lower, upper = np.asarray(self.lower), np.asarray(self.upper)
+        slack = _ON_BOUNDARY * np.max(upper - lower)
+        return np.all((points >= lower - slack) & (points <= upper + slack), axis=1)
+
+    def bounds(self):
+        """Return (lower, upper), m."""
+        return np.asarray(self.lower, float), np.asarray(self.upper, float)
+
+
+@dataclass(frozen=True)
+class Disk:
+    """Disk |x - center| <= radius in 2D, m."""
+
+    center: Tuple[float, ...]
+    radius: float
+
+    def contains(self, points):
+        """Return (n,) bool for points (n, dim), m."""
+        distance = np.linalg.norm(points - np.asarray(self.center), axis=1)
+        return distance <= self.radius * (1 + _ON_BOUNDARY)
+
+    def bounds(self):
+        """Return (lower, upper), m."""
+        center = np.asarray(self.center, float)
+        return center - self.radius, center + self.radius
+
+
+class Sphere(Disk):
+    """Ball |x - center| <= radius in 3D, m."""
+
+
+@dataclass(frozen=True)
+class Cylinder:
+    """Solid cylinder around the segment start-end, m; its ends are flat."""
+
+    start: Tuple[float, float, float]
+    end: Tuple[float, float, float]
+    radius: float
+
+    def contains(self, points):
+        """Return (n,) bool for points (n, 3), m."""
+        start = np.asarray(self.start, float)
+        axis = np.asarray(self.end, float) - start
+        length = np.linalg.norm(axis)
+        offset = points - start
+        along = offset @ (axis / length)
+        across = np.linalg.norm(offset - along[:, None] * (axis / length), axis=1)
+        slack = _ON_BOUNDARY * max(length, self.radius)
+        return (along >= -slack) & (along <= length + slack) & (across <= self.radius + slack)
+
+    def bounds(self):
+        """Return (lower, upper), m."""
+        start, end = np.asarray(self.start, float), np.asarray(self.end, float)
+        direction = (end - start) / np.linalg.norm(end - start)
+        reach = self.radius * np.sqrt(np.maximum(0.0, 1.0 - direction**2))
+        return np.minimum(start, end) - reach, np.maximum(start, end) + reach
+
+
+@dataclass(frozen=True)
+class HalfSpace:
+    """Points on the side that `normal` points to: (x - point) . normal >= 0."""
+
+    point: Tuple[float, ...]
+    normal: Tuple[float, ...]
+
+    def contains(self, points):
+        """Return (n,) bool for points (n, dim), m."""
+        normal = np.asarray(self.normal, float)
+        offset = points - np.asarray(self.point)
+        return offset @ (normal / np.linalg.norm(normal)) >= -_ON_BOUNDARY * np.max(np.abs(offset), initial=0.0)
+
+    def bounds(self):
+        """Return (lower, upper), m: infinite."""
+        dim = len(self.point)
+        return np.full(dim, -np.inf), np.full(dim, np.inf)
+
+
+@dataclass(frozen=True)
+class Everywhere:
+    """All of space."""
+
+    dim: int
+
+    def contains(self, points):
+        """Return (n,) bool, all true."""
+        return np.ones(len(points), dtype=bool)
+
+    def bounds(self):
+        """Return (lower, upper), m: infinite."""
+        return np.full(self.dim, -np.inf), np.full(self.dim, np.inf)

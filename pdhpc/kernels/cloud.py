@@ -1,0 +1,260 @@
+"""Sweeps over the bonds of a general cloud of particles (compressed rows, full list: each particle sums all of its own bonds).
+
+Each row is summed by one thread of control over slots sorted by global id, so a particle's force has the same bits on any rank that owns it.
+Forces, with V_j the neighbour's volume, c, omega, beta of materials/bond_based.py and xi = X_j - X_i, eta = u_j - u_i (Silling & Askari 2005):
+
+    finite:  s = |xi + eta|/|xi| - 1,         f_i = sum_j c omega beta s V_j (xi + eta)/|xi + eta|
+    linear:  s = xi . eta / |xi|^2,           f_i = sum_j c omega beta s V_j xi/|xi|
+"""
+from typing import NamedTuple
+
+import numpy as np
+
+from pdhpc.jit import kernel
+from pdhpc.materials.bond_based import bond_weight, pair_energy, pair_force
+
+MIXED = 255
+"""Mark of a row whose neighbours differ in block or volume; other rows carry their block."""
+
+
+class PointArrays(NamedTuple):
+    """Particles as kernels see them: owned first, then ghosts.
+
+    reference (n, dim), m; position (n, width), m: current positions (finite kinematics) or displacements (linear), width 2 in 2D and 4 in 3D;
+    volume (n,), m^3; block (n,) uint8; row_block (n_owned,) uint8: the block of the whole row, or MIXED.
+    """
+
+    reference: np.ndarray
+    position: np.ndarray
+    volume: np.ndarray
+    block: np.ndarray
+    row_block: np.ndarray
+
+
+@kernel
+def bond_forces(points, bonds, law, linear, third, rows, force_density, dissipated):
+    """Compute internal force densities and break bonds stretched beyond their limit; a bond that breaks exerts no force in the same evaluation.
+
+    Parameters
+    ----------
+    points, bonds, law : PointArrays, BondArrays, Law.
+    linear : bool, kinematics. third : None in 2D, 2 in 3D (a type, so that each dimension compiles on its own).
+    rows : (first, last) owned particles to do.
+    force_density : (n_owned, dim), N/m^3, overwritten in `rows`.
+    dissipated : (n_owned,), J, gains half of the energy at critical stretch of each bond that breaks (the other end's owner adds the other half).
+
+    Returns
+    -------
+    int, directed bonds broken in this evaluation.
+    """
+    broken = 0
+    for i in range(rows[0], rows[1]):
+        beyond = _row_force(i, points, bonds, law, linear, third, force_density)
+        if beyond > 0:
+            broken += _break_row(i, points, bonds, law, linear, third, dissipated)
+            _row_force(i, points, bonds, law, linear, third, force_density)
+    return broken
+
+
+@kernel
+def _row_force(i, points, bonds, law, linear, third, force_density):
+    """Sum the forces on particle i; return how many of its alive bonds exceed their critical stretch."""
+    first, last = bonds.row_start[i], bonds.row_start[i + 1]
+    block = points.row_block[i]
+    if block == MIXED:
+        return _mixed_row_force(i, points, bonds, law, linear, third, force_density)
+    c, limit = law.micromodulus[block, block], law.critical_stretch[block, block]
+    fx, fy, fz, beyond = 0.0, 0.0, 0.0, 0
+    neighbour, inv_length, alive, position, reference = bonds.neighbour, bonds.inv_length, bonds.alive, points.position, points.reference
+    px, py = position[i, 0], position[i, 1]
+    rx, ry = reference[i, 0], reference[i, 1]
+    if third is not None:
+        pz, rz = position[i, 2], reference[i, 2]
+    for k in range(first, last):
+        j = np.uint32(neighbour[k])
+        inv_l = inv_length[k]
+        live = ((alive[k >> 3] >> np.uint8(k & 7)) & np.uint8(1)) != 0
+        ex, ey = position[j, 0] - px, position[j, 1] - py
+        if third is not None:
+            ez = position[j, 2] - pz
+        else:
+            ez = 0.0
+        if linear:
+            dx, dy = reference[j, 0] - rx, reference[j, 1] - ry
+            if third is not None:
+                dz = reference[j, 2] - rz
+            else:
+                dz = 0.0
+            stretch = (dx * ex + dy * ey + dz * ez) * inv_l * inv_l
+            along = inv_l
+            ex, ey, ez = dx, dy, dz
+        else:
+            ratio = np.sqrt(ex * ex + ey * ey + ez * ez) * inv_l
+            stretch = ratio - 1.0
+            along = inv_l / ratio
+        pull = pair_force(c, bond_weight(inv_l, law), stretch) * along
+        pull = pull if live else 0.0
+        beyond += live & (stretch > limit)
+        fx += pull * ex
+        fy += pull * ey
+        fz += pull * ez
+    volume = points.volume[i]
+    force_density[i, 0] = fx * volume
+    force_density[i, 1] = fy * volume
+    if third is not None:
+        force_density[i, 2] = fz * volume
+    return beyond
+
+
+@kernel
+def _mixed_row_force(i, points, bonds, law, linear, third, force_density):
+    """As _row_force where neighbours differ in block or volume."""
+    block = points.block[i]
+    fx, fy, fz, beyond = 0.0, 0.0, 0.0, 0
+    for k in range(bonds.row_start[i], bonds.row_start[i + 1]):
+        if not _is_alive(bonds.alive, k):
+            continue
+        j = bonds.neighbour[k]
+        stretch, along, ex, ey, ez = _stretch(i, k, points, bonds, linear, third)
+        pull = pair_force(law.micromodulus[block, points.block[j]], bond_weight(bonds.inv_length[k], law), stretch) * along * points.volume[j]
+        beyond += stretch > law.critical_stretch[block, points.block[j]]
+        fx += pull * ex
+        fy += pull * ey
+        fz += pull * ez
+    force_density[i, 0] = fx
+    force_density[i, 1] = fy
+    if third is not None:
+        force_density[i, 2] = fz
+    return beyond
+
+
+@kernel
+def _is_alive(alive, k):
+    return (alive[k >> 3] >> np.uint8(k & 7)) & np.uint8(1) != 0
+
+
+@kernel
+def _stretch(i, k, points, bonds, linear, third):
+    """Return the stretch of bond k of particle i and what its pair force is multiplied by: a factor (1/m) and a vector (m)."""
+    j = bonds.neighbour[k]
+    inv_l = bonds.inv_length[k]
+    ex, ey, ez = points.position[j, 0] - points.position[i, 0], points.position[j, 1] - points.position[i, 1], 0.0
+    if third is not None:
+        ez = points.position[j, 2] - points.position[i, 2]
+    if linear:
+        dx, dy, dz = points.reference[j, 0] - points.reference[i, 0], points.reference[j, 1] - points.reference[i, 1], 0.0
+        if third is not None:
+            dz = points.reference[j, 2] - points.reference[i, 2]
+        return (dx * ex + dy * ey + dz * ez) * inv_l * inv_l, inv_l, dx, dy, dz
+    ratio = np.sqrt(ex * ex + ey * ey + ez * ez) * inv_l
+    return ratio - 1.0, inv_l / ratio, ex, ey, ez
+
+
+@kernel
+def _break_row(i, points, bonds, law, linear, third, dissipated):
+    """Break the bonds of particle i beyond their critical stretch; return how many.
+
+    A bond dissipates its energy at the critical stretch, which it passed during the step, on average in the middle of it. The work of its force in that step
+    is half of what it would have been, so that to first order the two agree and the energy balance closes; its energy at the step's end would be too much.
+    """
+    broken = 0
+    block = points.block[i]
+    for k in range(bonds.row_start[i], bonds.row_start[i + 1]):
+        if not _is_alive(bonds.alive, k):
+            continue
+        j = bonds.neighbour[k]
+        stretch, _, _, _, _ = _stretch(i, k, points, bonds, linear, third)
+        limit = law.critical_stretch[block, points.block[j]]
+        if stretch > limit:
+            bonds.alive[k >> 3] &= ~np.uint8(1 << (k & 7))
+            inv_l = bonds.inv_length[k]
+            energy = pair_energy(law.micromodulus[block, points.block[j]], bond_weight(inv_l, law), limit, inv_l)
+            dissipated[i] += 0.5 * energy * points.volume[i] * points.volume[j]
+            broken += 1
+    return broken
+
+
+@kernel
+def strain_energy_density(points, bonds, law, linear, third, energy):
+    """Store W_i = 1/2 sum_j w_ij V_j, J/m^3, in energy (n_owned,); w the micropotential of intact bonds."""
+    for i in range(len(energy)):
+        block, total = points.block[i], 0.0
+        for k in range(bonds.row_start[i], bonds.row_start[i + 1]):
+            if _is_alive(bonds.alive, k):
+                j = bonds.neighbour[k]
+                stretch, _, _, _, _ = _stretch(i, k, points, bonds, linear, third)
+                inv_l = bonds.inv_length[k]
+                weight = bond_weight(inv_l, law)
+                total += pair_energy(law.micromodulus[block, points.block[j]], weight, stretch, inv_l) * points.volume[j]
+        energy[i] = 0.5 * total
+
+
+@kernel
+def stress(points, bonds, law, linear, third, result):
+    """Store the stress sigma_i = 1/2 sum_j t_ij (x) xi_ij V_j, Pa, in result (n_owned, dim, dim).
+
+    t_ij is the pair force vector and xi_ij the reference bond: the first Piola-Kirchhoff stress (the Cauchy stress in linear kinematics) of a homogeneous
+    deformation (Lehoucq & Silling 2008); within a horizon of a free surface the sum lacks neighbours.
+    """
+    dim = result.shape[1]
+    for i in range(len(result)):
+        block = points.block[i]
+        result[i] = 0.0
+        for k in range(bonds.row_start[i], bonds.row_start[i + 1]):
+            if _is_alive(bonds.alive, k):
+                j = bonds.neighbour[k]
+                s, along, ex, ey, ez = _stretch(i, k, points, bonds, linear, third)
+                weight = bond_weight(bonds.inv_length[k], law)
+                pull = 0.5 * pair_force(law.micromodulus[block, points.block[j]], weight, s) * along * points.volume[j]
+                vector = (ex, ey, ez)
+                for b in range(dim):
+                    xi = points.reference[j, b] - points.reference[i, b]
+                    for a in range(dim):
+                        result[i, a, b] += pull * vector[a] * xi
+
+
+@kernel
+def deformation_moments(points, bonds, law, shape, moment):
+    """Store K_i = sum_j w xi (x) xi V_j in shape and N_i = sum_j w p (x) xi V_j in moment, both (n_owned, dim, dim), over intact bonds.
+
+    p = position_j - position_i; w = omega beta. N K^-1 is the nonlocal deformation gradient (finite) or displacement gradient (linear) (Silling et al. 2007).
+    """
+    dim = shape.shape[1]
+    for i in range(len(shape)):
+        shape[i] = 0.0
+        moment[i] = 0.0
+        for k in range(bonds.row_start[i], bonds.row_start[i + 1]):
+            if _is_alive(bonds.alive, k):
+                j = bonds.neighbour[k]
+                weight = bond_weight(bonds.inv_length[k], law) * points.volume[j]
+                for b in range(dim):
+                    xi = points.reference[j, b] - points.reference[i, b]
+                    for a in range(dim):
+                        shape[i, a, b] += weight * (points.reference[j, a] - points.reference[i, a]) * xi
+                        moment[i, a, b] += weight * (points.position[j, a] - points.position[i, a]) * xi
+
+
+@kernel
+def largest_frequency2(points, bonds, law):
+    """Return max_i |A_i| / rho_i, 1/s^2, with A_i = sum_j c omega beta V_j / |xi| e (x) e over intact bonds and |.| its largest absolute row sum."""
+    dim = points.reference.shape[1]
+    largest = 0.0
+    tensor = np.empty((dim, dim))
+    for i in range(len(points.row_block)):
+        block = points.block[i]
+        tensor[:] = 0.0
+        for k in range(bonds.row_start[i], bonds.row_start[i + 1]):
+            if _is_alive(bonds.alive, k):
+                j = bonds.neighbour[k]
+                inv_l = bonds.inv_length[k]
+                stiffness = pair_force(law.micromodulus[block, points.block[j]], bond_weight(inv_l, law), 1.0) * points.volume[j] * inv_l
+                for a in range(dim):
+                    for b in range(dim):
+                        xi_a = points.reference[j, a] - points.reference[i, a]
+                        tensor[a, b] += stiffness * inv_l * inv_l * xi_a * (points.reference[j, b] - points.reference[i, b])
+        for a in range(dim):
+            row_sum = 0.0
+            for b in range(dim):
+                row_sum += abs(tensor[a, b])
+            largest = max(largest, row_sum / law.density[block])
+    return largest

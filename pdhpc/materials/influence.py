@@ -1,0 +1,41 @@
+"""Influence functions omega(r) and the moments of them that calibrate bond-based materials."""
+import math
+
+from pdhpc.jit import inlined
+
+CONSTANT, INVERSE_DISTANCE, GAUSSIAN = 0, 1, 2
+CODES = {"constant": CONSTANT, "inverse_distance": INVERSE_DISTANCE, "gaussian": GAUSSIAN}
+FORMULAS = {"constant": "omega = 1", "inverse_distance": "omega = delta/r", "gaussian": "omega = exp(-(r/delta)^2)"}
+
+
+@inlined
+def influence(code, inv_length, horizon):
+    """Return omega at bond length 1/inv_length: 1, delta/r or exp(-(r/delta)^2)."""
+    if code == CONSTANT:
+        return 1.0
+    if code == INVERSE_DISTANCE:
+        return horizon * inv_length
+    ratio = 1.0 / (horizon * inv_length)
+    return math.exp(-ratio * ratio)
+
+
+def moment(name, power, horizon):
+    """Return the integral of omega(r) r^power over 0 < r < horizon, m^(power + 1).
+
+    Constant: delta^(p+1)/(p+1); inverse distance: delta^(p+1)/p; Gaussian: delta^(p+1) times the integral of t^p exp(-t^2) over (0, 1).
+    """
+    scale = horizon ** (power + 1)
+    if name == "constant":
+        return scale / (power + 1)
+    if name == "inverse_distance":
+        return scale / power
+    return scale * _gaussian_moment(power)
+
+
+def _gaussian_moment(power):
+    """Integral of t^p exp(-t^2) over (0, 1), by I_p = ((p - 1) I_(p-2) - e^-1) / 2 from I_0 = sqrt(pi)/2 erf(1) and I_1 = (1 - e^-1)/2."""
+    if power == 0:
+        return math.sqrt(math.pi) / 2 * math.erf(1.0)
+    if power == 1:
+        return (1 - math.exp(-1)) / 2
+    return ((power - 1) * _gaussian_moment(power - 2) - math.exp(-1)) / 2

@@ -1,0 +1,60 @@
+"""Crack tip tracking: the foremost damaged particle along a direction, and its speed."""
+from collections import deque
+
+import numpy as np
+
+from pdhpc.kernels.bond_states import foremost_damaged
+from pdhpc.run import Observer
+
+_SAMPLES_PER_WINDOW = 4
+
+
+class CrackTip(Observer):
+    """Position of the particle farthest along `direction` whose grown damage exceeds a threshold, and its speed over the last `window` seconds.
+
+    Sampled four times per window; the speed is the advance along `direction` over one window divided by it, 0 until a tip was there for a whole window.
+    """
+
+    def __init__(self, comm, settings, members, particles, dt):
+        """settings: scene.Tip (name, direction, threshold, window); members (n,) owned particles of its region; dt, s."""
+        self.comm, self.settings, self.members = comm, settings, members.astype(np.int64)
+        direction = np.asarray(settings.direction or [1.0, 0.0, 0.0][: particles.dim], float)
+        self.ahead = particles.reference[particles.owned] @ (direction / np.linalg.norm(direction))
+        self.every = max(1, int(settings.window / dt / _SAMPLES_PER_WINDOW))
+        self._span = max(1, int(round(settings.window / dt / self.every)))  # samples in a window
+        self._samples = deque(maxlen=self._span + 1)
+        self.dt, self.position, self.speed, self.largest_speed = dt, None, 0.0, 0.0
+        axes = "xyz"[: particles.dim]
+        self.columns = tuple(f"{settings.name}.{axis} [m]" for axis in axes) + (f"{settings.name}.speed [m/s]",)
+        self._dim = particles.dim
+
+    def start(self, stepper):
+        """Look for a tip in the initial state. Collective."""
+        self.observe(stepper)
+
+    def observe(self, stepper):
+        """Find the tip. Collective."""
+        bonds, reference = stepper.subdomain.bonds, stepper.subdomain.particles.reference
+        found = int(foremost_damaged(bonds.arrays, bonds.initial_size, self.settings.threshold, self.members, self.ahead))
+        mine = (-self.ahead[found], tuple(reference[found])) if found >= 0 else (np.inf, None)
+        ahead, position = self.comm.allreduce(mine, op=min)
+        self._samples.append(-ahead if position is not None else None)
+        self.position = position
+        first, last = self._samples[0], self._samples[-1]
+        whole = len(self._samples) == self._span + 1 and first is not None
+        self.speed = (last - first) / (self._span * self.every * self.dt) if whole else 0.0
+        self.largest_speed = max(self.largest_speed, self.speed)
+
+    def read(self, stepper):
+        """Return the values of the columns; NaN while there is no tip. Local."""
+        return [*(self.position if self.position is not None else (np.nan,) * self._dim), self.speed]
+
+    def state(self):
+        """Return {key: (getter, setter)} of the samples taken."""
+        key = f"tip/{self.settings.name}"
+
+        def restore(values):
+            samples, self.position, self.speed, self.largest_speed = values
+            self._samples.extend(samples)
+
+        return {key: (lambda: (list(self._samples), self.position, self.speed, self.largest_speed), restore)}

@@ -1,0 +1,68 @@
+"""Output of fields and of history rows at their steps."""
+import numpy as np
+
+from pdhpc.peridynamics.fields import field
+from pdhpc.run import Observer
+
+
+class FieldOutput(Observer):
+    """Write the fields of all particles at the listed steps, the initial and the final state included."""
+
+    def __init__(self, writer, names, steps):
+        self.writer, self.names, self.steps = writer, names, steps
+        self._last = None
+
+    def start(self, stepper):
+        """Write the particles and the initial state. Collective."""
+        particles = stepper.subdomain.particles
+        owned = particles.owned
+        self.writer.write_points(particles.id[owned], particles.reference[owned], particles.volume[owned], particles.block[owned])
+        self.observe(stepper)
+
+    def observe(self, stepper):
+        """Write one frame. Collective."""
+        self.writer.write_frame(stepper.step, stepper.time, {name: field(name, stepper.subdomain, stepper.law) for name in self.names})
+        self._last = stepper.step
+
+    def finish(self, stepper):
+        """Write the final state unless it is there. Collective."""
+        if self._last != stepper.step:
+            self.observe(stepper)
+
+
+class HistoryOutput(Observer):
+    """Append a row of all gauges (energies, probes, tips) at the listed steps, the initial and the final state included.
+
+    A gauge has `columns` and read(stepper) -> values.
+    """
+
+    def __init__(self, history, gauges, steps):
+        self.history, self.gauges, self.steps = history, gauges, steps
+        self._last = None
+
+    def start(self, stepper):
+        """Write the row of the initial state. Collective."""
+        self.observe(stepper)
+
+    def observe(self, stepper):
+        """Append a row. Collective."""
+        row = {"time [s]": stepper.time, "step": stepper.step}
+        for gauge in self.gauges:
+            row.update(zip(gauge.columns, gauge.read(stepper)))
+        self.history.append(row)
+        self._last = stepper.step
+
+    def finish(self, stepper):
+        """Append the row of the final state unless it is there. Collective."""
+        if self._last != stepper.step:
+            self.observe(stepper)
+
+
+def columns(gauges):
+    """Return the columns of history.csv: time, step and those of the gauges."""
+    return ["time [s]", "step"] + [column for gauge in gauges for column in gauge.columns]
+
+
+def steps_of(times, dt, n_steps):
+    """Return the sorted steps nearest to `times`, within 1..n_steps."""
+    return sorted(set(int(step) for step in np.clip(np.rint(np.asarray(times, float) / dt), 1, n_steps)))

@@ -1,0 +1,58 @@
+"""Probes: a field at the particle nearest to a point, its mean over a region, or the reaction force of a region."""
+import numpy as np
+
+from pdhpc.parallel.comm import exact_sum
+from pdhpc.peridynamics.fields import field
+
+UNITS = {"displacement": "m", "velocity": "m/s", "force_density": "N/m^3", "reaction": "N", "stress": "Pa", "strain": "1", "damage": "1"}
+_AXES = "xyz"
+
+
+def components(quantity, dim):
+    """Return the names of a quantity's components: displacement_x ..., stress_xx ..., damage."""
+    if quantity == "damage":
+        return [quantity]
+    if quantity in ("stress", "strain"):
+        pairs = [(a, a) for a in range(dim)] + [(a, b) for a in range(dim) for b in range(a + 1, dim)]
+        return [f"{quantity}_{_AXES[a]}{_AXES[b]}" for a, b in pairs]
+    return [f"{quantity}_{_AXES[a]}" for a in range(dim)]
+
+
+class Probe:
+    """Mean over some particles (one particle: a point probe), or the reaction force R = - sum V f over a region.
+
+    f is the total force density (bonds and loads), so R is the force that the support of a held region exerts on the body, apart from the region's inertia.
+    """
+
+    def __init__(self, comm, name, quantity, members, dim):
+        """members (n,) int, owned particles of this rank. Collective."""
+        self.comm, self.quantity, self.members, self.dim = comm, quantity, members, dim
+        self.count = comm.allreduce(len(members))
+        self.columns = tuple(f"{name}.{component} [{UNITS[quantity]}]" for component in components(quantity, dim))
+
+    def read(self, stepper):
+        """Return the values of the columns. Collective."""
+        subdomain = stepper.subdomain
+        if self.quantity == "reaction":
+            values = -subdomain.particles.force_density[self.members] * subdomain.particles.volume[self.members, None]
+            return [exact_sum(self.comm, values[:, axis]) for axis in range(self.dim)]
+        values = self._components(field(self.quantity, subdomain, stepper.law)[self.members])
+        return [exact_sum(self.comm, column) / self.count for column in values]
+
+    def _components(self, values):
+        if values.ndim == 1:
+            return [values]
+        if values.ndim == 2:
+            return list(values.T)
+        pairs = [(a, a) for a in range(self.dim)] + [(a, b) for a in range(self.dim) for b in range(a + 1, self.dim)]
+        return [values[:, a, b] for a, b in pairs]
+
+
+def nearest_particle(comm, particles, point):
+    """Return (n,) int: the owned particle nearest to `point` on the rank that has it, empty elsewhere; ties go to the lowest id. Collective."""
+    offset = particles.reference[particles.owned] - np.asarray(point)
+    distance2 = np.einsum("nd,nd->n", offset, offset)
+    best = int(np.argmin(distance2)) if len(distance2) else -1
+    mine = (float(distance2[best]), int(particles.id[best]), comm.rank) if best >= 0 else (np.inf, 0, comm.rank)
+    winner = comm.allreduce(mine, op=min)
+    return np.array([best] if winner[2] == comm.rank and best >= 0 else [], dtype=np.int64)

@@ -1,0 +1,61 @@
+"""Progress: a bar on a terminal, plain lines in a batch log; rank 0 only."""
+import os
+import sys
+import time
+
+from pdhpc.run import Observer
+
+_LINES = 10
+
+
+class Progress(Observer):
+    """Show step, time and rate. Local: nothing is sent."""
+
+    def __init__(self, n_steps, end, quiet=False):
+        self.n_steps, self.end = n_steps, end
+        self.every = 0 if quiet else max(1, n_steps // 200)
+        self._bar = self._task = None
+        self._terminal = _on_terminal()
+        self._started = None
+
+    def start(self, stepper):
+        """Open the bar."""
+        self._started = time.perf_counter()
+        if self.every and self._terminal:
+            from rich.console import Console
+            from rich.progress import BarColumn, Progress as Bar, TextColumn, TimeRemainingColumn
+
+            self._bar = Bar(TextColumn("step {task.completed}/{task.total}"), BarColumn(None), TextColumn("{task.fields[at]}"), TimeRemainingColumn(),
+                            console=Console(force_terminal=True))
+            self._bar.start()
+            self._task = self._bar.add_task("", total=self.n_steps, at="")
+
+    def observe(self, stepper):
+        """Move the bar, or print a line every tenth of the run."""
+        if self._bar:
+            self._bar.update(self._task, completed=stepper.step, at=f"t = {stepper.time:.3e} s")
+        elif stepper.step * _LINES // self.n_steps > (stepper.step - self.every) * _LINES // self.n_steps:
+            elapsed = time.perf_counter() - self._started
+            print(f"step {stepper.step}/{self.n_steps}  t = {stepper.time:.4e} s  {elapsed:.1f} s elapsed  {stepper.step / elapsed:.1f} steps/s", flush=True)
+
+    def close(self):
+        """Take the bar down, also after a failure."""
+        if self._bar:
+            self._bar.stop()
+            self._bar = None
+
+    def finish(self, stepper):
+        """Fill and close the bar."""
+        if self._bar:
+            self._bar.update(self._task, completed=stepper.step)
+        self.close()
+
+
+def _on_terminal():
+    """Whether somebody watches standard output. Under Open MPI it is a pseudo-terminal even in a batch job, so mpirun's own output is looked at."""
+    if "OMPI_COMM_WORLD_SIZE" not in os.environ:
+        return sys.stdout.isatty()
+    try:
+        return os.readlink(f"/proc/{os.getppid()}/fd/1").startswith(("/dev/pts", "/dev/tty"))
+    except OSError:
+        return False

@@ -1,0 +1,103 @@
+"""The output folder and its small files: claimed once, written whole or not at all."""
+import json
+import math
+import os
+import shutil
+from pathlib import Path
+
+import numpy as np
+
+OWN_FILES = ("run.json", "history.csv", "fields.h5", "fields.xdmf")
+OWN_FOLDERS = ("fields",)
+PICTURES = "*.png"
+
+
+class OutputError(RuntimeError):
+    """Output that cannot be written or read: one sentence with the path and the reason. exit_code 2 marks a folder the user must not reuse."""
+
+    exit_code = 1
+
+
+def _refusal(sentence):
+    error = OutputError(sentence)
+    error.exit_code = 2
+    return error
+
+
+def check_directory(path, overwrite):
+    """Raise an OutputError unless a run may be written to `path`; change nothing."""
+    path = Path(path)
+    if path.exists() and not path.is_dir():
+        raise _refusal(f"{path}: is a file; allowed is a folder, or a name that does not exist yet")
+    held = [name for name in OWN_FILES + OWN_FOLDERS if (path / name).exists()]
+    if held and not overwrite:
+        raise _refusal(f"{path}: holds another run ({held[0]}); allowed is an empty or new folder, or --overwrite")
+    existing = next(folder for folder in [path, *path.absolute().parents] if folder.exists())
+    if not existing.is_dir():
+        raise _refusal(f"{path}: {existing} is a file; allowed is a path below folders")
+    if not os.access(existing, os.W_OK | os.X_OK):
+        raise _refusal(f"{path}: {existing} is not writable; allowed is a folder you may write to")
+
+
+def claim_directory(path, overwrite):
+    """Make `path` an empty run folder: create it, or, with overwrite, remove the files a former run wrote there and nothing else."""
+    check_directory(path, overwrite)
+    path = Path(path)
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        for name in OWN_FILES:
+            (path / name).unlink(missing_ok=True)
+        for picture in path.glob(PICTURES):
+            if picture.is_file() and (picture.stem in _drawn() or picture.stem.startswith("curve_")):
+                picture.unlink()
+        for name in OWN_FOLDERS:
+            folder = path / name
+            if folder.is_symlink():
+                folder.unlink()
+            elif folder.is_dir():
+                for file in list(folder.glob("*.h5")) + list(folder.glob("*.h5.part")):
+                    file.unlink()
+                if not any(folder.iterdir()):
+                    shutil.rmtree(folder)
+    except OSError as error:
+        raise _refusal(f"{path}: cannot be used as output folder ({error.strerror})") from error
+
+
+def _drawn():
+    """Names of the pictures that pdhpc draws."""
+    return ("damage", "deformed", "displacement", "energies", "tip")
+
+
+def write_text(path, text):
+    """Replace a file by `text` in one step: readers see the old content or the new, never a part."""
+    path = Path(path)
+    part = path.with_name(path.name + ".part")
+    try:
+        with open(part, "w", encoding="utf-8") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(part, path)
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written ({error.strerror})") from error
+
+
+def write_json(path, data):
+    """Replace a JSON file in one step; NaN becomes null, infinities the texts "inf" and "-inf", numpy values plain ones."""
+    write_text(path, json.dumps(_plain(data), indent=2, allow_nan=False) + "\n")
+
+
+def _plain(value):
+    if isinstance(value, dict):
+        return {str(key): _plain(each) for key, each in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(each) for each in value]
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, np.generic):
+        return _plain(value.item())
+    if isinstance(value, Path):
+        return str(value)
+    if isinstance(value, float) and not math.isfinite(value):
+        return None if math.isnan(value) else ("inf" if value > 0 else "-inf")
+    return value

@@ -1,0 +1,142 @@
+"""Weighted recursive coordinate bisection of points that are spread over ranks."""
+from typing import NamedTuple
+
+import numpy as np
+
+_BINS = 256
+_ROUNDS = 4
+
+
+class Partition(NamedTuple):
+    """A binary tree of axis-aligned cuts; its leaves are the ranks' boxes.
+
+    A point belongs to the left child of a node when its coordinate along `axis` is below `cut`. Children >= 0 are nodes, child -(r + 1) is rank r.
+    The tree has size - 1 nodes (32 bytes each: 320 kB at 10,000 ranks) and is the same on every rank.
+    """
+
+    axis: np.ndarray
+    cut: np.ndarray
+    child: np.ndarray
+    size: int
+
+    def owner(self, points):
+        """Return the rank that owns each of `points` (n, dim), m. Local."""
+        node = np.zeros(len(points), dtype=np.int64) if self.size > 1 else np.full(len(points), -1, dtype=np.int64)
+        while True:
+            inner = np.flatnonzero(node >= 0)
+            if inner.size == 0:
+                return -node - 1
+            here = node[inner]
+            right = points[inner, self.axis[here]] >= self.cut[here]
+            node[inner] = self.child[here, right.astype(np.int64)]
+
+    def box(self, rank, dim):
+        """Return (lower, upper), m, of the half-open box that `rank` owns; outer sides are infinite. Local."""
+        lower, upper = np.full(dim, -np.inf), np.full(dim, np.inf)
+        node = -1 if self.size == 1 else 0
+        first, last = 0, self.size
+        while node >= 0:
+            middle = first + (last - first) // 2
+            right = rank >= middle
+            (lower if right else upper)[self.axis[node]] = self.cut[node]
+            first, last = (middle, last) if right else (first, middle)
+            node = int(self.child[node, int(right)])
+        return lower, upper
+
+
+class _Span(NamedTuple):
+    """A node under construction: the ranks first..last-1 still have to share its points."""
+
+    node: int
+    first: int
+    last: int
+
+    @property
+    def middle(self):
+        return self.first + (self.last - self.first) // 2
+
+    @property
+    def left_share(self):
+        return (self.middle - self.first) / (self.last - self.first)
+
+
+def bisect(comm, points, weights):
+    """Cut space into `comm.size` boxes of nearly equal weight. Collective.
+
+    Each box is cut across its longest side at the weighted quantile, found by repeated histograms; weights are integers, so that the cuts do not depend
+    on how the points are spread over ranks.
+
+    Parameters
+    ----------
+    points : (n, dim) float, m; every point on exactly one rank.
+    weights : (n,) int, work of each point (its number of bonds).
+    """
+    size = comm.size
+    axis = np.zeros(max(size - 1, 1), dtype=np.int64)
+    cut = np.zeros(max(size - 1, 1))
+    child = np.full((max(size - 1, 1), 2), -1, dtype=np.int64)
+    weights = np.asarray(weights, dtype=np.int64)
+    node_of = np.zeros(len(points), dtype=np.int64)
+    level, next_node = ([_Span(0, 0, size)] if size > 1 else []), 1
+    while level:
+        slots = np.full(size, -1, dtype=np.int64)
+        for slot, span in enumerate(level):
+            slots[span.node] = slot
+        slot_of = np.where(node_of >= 0, slots[np.maximum(node_of, 0)], -1)
+        axes, cuts = _cut_level(comm, points, weights, slot_of, np.array([span.left_share for span in level]))
+        following = []
+        for slot, span in enumerate(level):
+            axis[span.node], cut[span.node] = axes[slot], cuts[slot]
+            for side, (first, last) in enumerate(((span.first, span.middle), (span.middle, span.last))):
+                if last - first == 1:
+                    child[span.node, side] = -(first + 1)
+                else:
+                    child[span.node, side] = next_node
+                    following.append(_Span(next_node, first, last))
+                    next_node += 1
+        active = np.flatnonzero(slot_of >= 0)
+        here = node_of[active]
+        right = points[active, axis[here]] >= cut[here]
+        node_of[active] = child[here, right.astype(np.int64)]
+        level = following
+    return Partition(axis[: max(size - 1, 0)], cut[: max(size - 1, 0)], child[: max(size - 1, 0)], size)
+
+
+def _cut_level(comm, points, weights, slot_of, shares):
+    """Return the axis and the cut of every node of one level of the tree. Collective."""
+    from mpi4py import MPI
+
+    count, dim = len(shares), points.shape[1]
+    inside = slot_of >= 0
+    slot, point, weight = slot_of[inside], points[inside], weights[inside]
+    lower, upper = np.full((count, dim), np.inf), np.full((count, dim), -np.inf)
+    np.minimum.at(lower, slot, point)
+    np.maximum.at(upper, slot, point)
+    comm.Allreduce(MPI.IN_PLACE, lower, MPI.MIN)
+    comm.Allreduce(MPI.IN_PLACE, upper, MPI.MAX)
+    empty = ~np.isfinite(lower[:, 0])
+    lower[empty], upper[empty] = 0.0, 0.0
+    axes = np.argmax(upper - lower, axis=1)
+    nodes = np.arange(count)
+    low, high = lower[nodes, axes], np.nextafter(upper[nodes, axes], np.inf)
+    coordinate = point[np.arange(len(slot)), axes[slot]]
+    below = np.zeros(count, dtype=np.int64)  # weight left of `low`
+    total = None
+    for _ in range(_ROUNDS):
+        width = (high - low) / _BINS
+        width[width == 0.0] = 1.0
+        within = (coordinate >= low[slot]) & (coordinate < high[slot])
+        bins = np.minimum(((coordinate - low[slot]) / width[slot]).astype(np.int64), _BINS - 1)
+        histogram = np.zeros((count, _BINS), dtype=np.int64)
+        np.add.at(histogram.ravel(), (slot * _BINS + bins)[within], weight[within])
+        comm.Allreduce(MPI.IN_PLACE, histogram, MPI.SUM)
+        if total is None:
+            total = histogram.sum(axis=1)
+        upto = below[:, None] + np.cumsum(histogram, axis=1)
+        target = shares * total
+        chosen = np.minimum((upto < target[:, None]).sum(axis=1), _BINS - 1)
+        low, high = low + chosen * width, np.where(chosen == _BINS - 1, high, low + (chosen + 1) * width)
+        above = upto[nodes, chosen]
+        below = above - histogram[nodes, chosen]
+    nearer_low = target - below < above - target
+    return axes, np.where(nearer_low & (below > 0), low, high)

@@ -1,0 +1,15 @@
+"""Critical time step of explicit integration, bounded from the assembled bonds."""
+import math
+
+from pdhpc.kernels.cloud import largest_frequency2
+
+
+def stable_step(points, bonds, law):
+    """Return a step, s, at which central differences are stable on this rank's particles (the body's is the minimum over ranks). Local.
+
+    A bond's energy obeys k ((u_i - u_j).e)^2 / 2 <= k (u_i.e)^2 + k (u_j.e)^2, hence K <= 2 diag(V_i A_i) with A_i = sum_j c omega beta V_j/|xi| e (x) e, and
+    omega_max^2 <= 2 max_i |A_i|/rho_i: dt_c = 2/omega_max >= sqrt(2 min_i rho_i/|A_i|). The bound holds for any mix of materials, outlines and cracks, and
+    is larger than the one-dimensional estimate sqrt(2 rho / sum_j c V_j/|xi|) of Silling & Askari (2005) by about the square root of the dimension.
+    """
+    largest = largest_frequency2(points, bonds, law)
+    return math.sqrt(2.0 / largest) if largest > 0 else math.inf

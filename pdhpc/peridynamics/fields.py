@@ -1,0 +1,88 @@
+"""Fields of the owned particles that output and probes ask for by name."""
+import numpy as np
+
+from pdhpc.kernels import cloud
+
+
+def field(name, subdomain, law):
+    """Return the field `name` of the owned particles; see FIELDS for names, shapes and units. Local (ghost positions must be fresh)."""
+    return FIELDS[name](subdomain, law)
+
+
+def _displacement(subdomain, law):
+    return subdomain.particles.displacement
+
+
+def _velocity(subdomain, law):
+    return subdomain.particles.velocity
+
+
+def _force_density(subdomain, law):
+    return subdomain.particles.force_density
+
+
+def _damage(subdomain, law):
+    return subdomain.bonds.damage()
+
+
+def _precrack(subdomain, law):
+    return subdomain.bonds.precrack()
+
+
+def strain_energy_density(subdomain, law):
+    """Return (n_owned,) J/m^3, stored in intact bonds."""
+    particles = subdomain.particles
+    energy = np.empty(particles.n_owned)
+    cloud.strain_energy_density(subdomain.points, subdomain.bonds.arrays, law, particles.linear, particles.third, energy)
+    return energy
+
+
+def _stress(subdomain, law):
+    particles = subdomain.particles
+    result = np.empty((particles.n_owned, particles.dim, particles.dim))
+    cloud.stress(subdomain.points, subdomain.bonds.arrays, law, particles.linear, particles.third, result)
+    return result
+
+
+def _strain(subdomain, law):
+    """Return (n_owned, dim, dim): Green-Lagrange strain (F^T F - I)/2 (finite) or (H + H^T)/2 (linear), H = F - I = sum w eta (x) xi V K^-1.
+
+    A direction in which a particle has no intact bonds has no strain.
+    """
+    particles = subdomain.particles
+    shape = np.empty((particles.n_owned, particles.dim, particles.dim))
+    moment = np.empty_like(shape)
+    cloud.deformation_moments(subdomain.points, subdomain.bonds.arrays, law, shape, moment)
+    if not particles.linear:
+        moment -= shape
+    gradient = moment @ _inverses(shape)
+    strain = 0.5 * (gradient + np.swapaxes(gradient, 1, 2))
+    if not particles.linear:
+        strain += 0.5 * np.swapaxes(gradient, 1, 2) @ gradient
+    return strain
+
+
+def _inverses(tensors):
+    """Return inverses of symmetric (n, d, d) tensors, pseudo-inverses where they are singular."""
+    dim = tensors.shape[1]
+    size = np.trace(tensors, axis1=1, axis2=2) / dim
+    regular = np.linalg.det(tensors) > 1e-9 * size**dim
+    inverses = np.empty_like(tensors)
+    inverses[regular] = np.linalg.inv(tensors[regular])
+    singular = np.flatnonzero(~regular)
+    if singular.size:
+        inverses[singular] = np.linalg.pinv(tensors[singular], rcond=1e-6, hermitian=True)
+    return inverses
+
+
+FIELDS = {
+    "displacement": _displacement,
+    "velocity": _velocity,
+    "damage": _damage,
+    "precrack": _precrack,
+    "force_density": _force_density,
+    "stress": _stress,
+    "strain": _strain,
+    "strain_energy_density": strain_energy_density,
+}
+"""Name -> function(subdomain, law): vectors (n_owned, dim) in m, m/s, N/m^3; damage, precrack (n_owned,); tensors (n_owned, dim, dim), stress in Pa."""

@@ -1,0 +1,116 @@
+"""One rank's share of the body: made in place from the bodies, without messages and without anything global."""
+import numpy as np
+
+from pdhpc.geometry.lattice import points_of_bodies
+from pdhpc.jit import exact_kernel
+from pdhpc.kernels.cloud import MIXED, PointArrays
+from pdhpc.kernels.neighbours import count_neighbours
+from pdhpc.peridynamics.bonds import find_families
+from pdhpc.peridynamics.particles import Particles
+
+_MARGIN = 1e-6  # relative to the horizon: points this far outside still count as candidates for ghosts
+
+
+class Subdomain:
+    """Particles, bonds and the owners of the ghosts of one rank.
+
+    Memory per particle at 122 neighbours in 3D: 12 bytes a bond slot (1536), bond states 16, particle arrays 172, so 1.7 kB; ghosts hold the constants and
+    positions only (73 bytes).
+    """
+
+    def __init__(self, particles, bonds, ghost_owner):
+        self.particles, self.bonds, self.ghost_owner = particles, bonds, ghost_owner
+        self.points = PointArrays(particles.reference, particles.position, particles.volume, particles.block, _row_blocks(particles, bonds))
+
+
+def sample_with_weights(bodies, bounds, rank, size, horizon):
+    """Return (points, weights) of the rank-th of `size` equal slabs of the bodies: what the partition is computed from. Local.
+
+    The slabs cut the longest side of `bounds` (lower, upper), m; weights (n,) int64 are numbers of neighbours, at least 1.
+    """
+    lower, upper = bounds
+    axis = int(np.argmax(upper - lower))
+    edges = np.linspace(lower[axis], upper[axis], size + 1)
+    edges[0], edges[-1] = -np.inf, np.inf
+    low, high = np.full(len(lower), -np.inf), np.full(len(lower), np.inf)
+    reach = horizon * (1 + _MARGIN)
+    low[axis], high[axis] = edges[rank] - reach, edges[rank + 1] + reach
+    _, points, _ = points_of_bodies(bodies, low, high)
+    inside = (points[:, axis] >= edges[rank]) & (points[:, axis] < edges[rank + 1])
+    points = np.concatenate([points[inside], points[~inside]])
+    n = int(inside.sum())
+    return points[:n], np.maximum(1, count_neighbours(points, n, horizon)).astype(np.int64)
+
+
+def make_subdomain(bodies, partition, rank, horizon, describe, linear):
+    """Return the Subdomain that `rank` owns. Local.
+
+    Parameters
+    ----------
+    bodies : list of LatticeBody. partition : Partition. horizon : m.
+    describe : function (points, body index) -> (volume, block) of particles, m^3 and uint8. linear : bool, kinematics.
+    """
+    dim = len(bodies[0].cells)
+    lower, upper = partition.box(rank, dim)
+    ids, points, body = points_of_bodies(bodies, lower, upper)
+    ghost_ids, ghost_points, ghost_body, ghost_owner = _ghost_candidates(bodies, partition, rank, horizon, points)
+    n_owned = len(ids)
+    ids, points, body = np.concatenate([ids, ghost_ids]), np.concatenate([points, ghost_points]), np.concatenate([body, ghost_body])
+    del ghost_points, ghost_ids
+    bonds, keep = find_families(points, ids, n_owned, horizon)
+    ids, points, body, ghost_owner = ids[keep], points[keep], body[keep], ghost_owner[keep[n_owned:]]
+    volume, block = describe(points, body)
+    particles = Particles(ids, points, volume, block, n_owned, linear)
+    return Subdomain(particles, bonds, ghost_owner)
+
+
+def _ghost_candidates(bodies, partition, rank, horizon, owned):
+    """Return (ids, points, bodies, owners) of the particles of other ranks in the box of the owned ones grown by a horizon, by (owner, id)."""
+    dim = owned.shape[1]
+    if len(owned) == 0 or partition.size == 1:
+        return np.empty(0, np.int64), np.empty((0, dim)), np.empty(0, np.int32), np.empty(0, np.int64)
+    reach = horizon * (1 + _MARGIN)
+    inner_lower, inner_upper = partition.box(rank, dim)
+    lower = np.where(np.isfinite(inner_lower), owned.min(axis=0) - reach, -np.inf)
+    upper = np.where(np.isfinite(inner_upper), owned.max(axis=0) + reach, np.inf)
+    pieces = []
+    for low, high in _shell(lower, upper, inner_lower, inner_upper):
+        pieces.append(points_of_bodies(bodies, low, high))
+    ids, points, body = (np.concatenate([piece[part] for piece in pieces]) for part in range(3))
+    owner = partition.owner(points)
+    order = np.lexsort((ids, owner))
+    return ids[order], points[order], body[order], owner[order]
+
+
+def _shell(lower, upper, inner_lower, inner_upper):
+    """Return disjoint half-open boxes that make up the outer box without the inner one."""
+    boxes = []
+    low, high = lower.copy(), upper.copy()
+    for axis in range(len(lower)):
+        for side_low, side_high in ((low[axis], inner_lower[axis]), (inner_upper[axis], high[axis])):
+            if side_low < side_high:
+                box_low, box_high = low.copy(), high.copy()
+                box_low[axis], box_high[axis] = side_low, side_high
+                boxes.append((box_low, box_high))
+        low[axis], high[axis] = max(low[axis], inner_lower[axis]), min(high[axis], inner_upper[axis])
+    return boxes
+
+
+def _row_blocks(particles, bonds):
+    """Return (n_owned,) uint8: the block of a row whose particle and neighbours agree in block and volume, else MIXED."""
+    owned = particles.owned
+    row_block = particles.block[owned].copy()
+    volume, block = particles.volume, particles.block
+    if np.ptp(volume) > 0 or np.ptp(block) > 0 if len(volume) else False:
+        _mark_mixed(bonds.arrays.row_start, bonds.arrays.neighbour, volume, block, row_block)
+    return row_block
+
+
+@exact_kernel
+def _mark_mixed(row_start, neighbour, volume, block, row_block):
+    for i in range(len(row_block)):
+        for k in range(row_start[i], row_start[i + 1]):
+            j = neighbour[k]
+            if volume[j] != volume[i] or block[j] != block[i]:
+                row_block[i] = MIXED
+                break

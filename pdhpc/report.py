@@ -1,0 +1,94 @@
+"""What the program prints: the summary of a run, what `pdhpc check` says of a scene, and the table of its keys."""
+import math
+
+from rich.console import Console
+from rich.table import Table
+
+
+
+def print_summary(record, directory, pictures):
+    """Print the table of a finished run and where its outputs are."""
+    seconds = record["seconds"]
+    rows = [
+        ("scene", record["title"] or record["scene_file"]),
+        ("ranks", str(record["ranks"])),
+        ("particles, bonds", f"{record['particles']:,}, {record['bonds']:,}"),
+        ("steps, dt", f"{record['steps']:,}, {record['dt']:.4g} s (critical {record['critical_dt']:.4g} s)"),
+        ("wall time", "  ".join(f"{name} {value:.2f} s" for name, value in seconds.items())),
+        ("speed", _rate(record["particle_steps_per_second_and_core"])),
+        ("broken bonds", f"{record['broken_bonds']:,}"),
+        *((name.replace("_", " "), f"{value:.6g} J") for name, value in record["energies"].items()),
+        ("balance error", f"{record['balance_error_relative'] or 0:.2e} of the largest energy"),
+        *((f"tip {name}", _tip(tip)) for name, tip in record["tips"].items()),
+    ]
+    print_rows(rows)
+    for warning in record["warnings"]:
+        print(f"warning: {warning}")
+    print(f"output: {directory}")
+    for picture in pictures:
+        print(f"picture: {picture}")
+
+
+def _rate(rate):
+    return "-" if rate is None else f"{rate / 1e6:.3f} million particle-steps per second and core"
+
+
+def _tip(tip):
+    if tip["position"] is None:
+        return "none"
+    return "at (" + ", ".join(f"{x:.5g}" for x in tip["position"]) + f") m, fastest {tip['largest_speed']:.0f} m/s"
+
+
+def print_rows(rows, title=None):
+    """Print two columns."""
+    table = Table(show_header=False, box=None, title=title, title_justify="left", padding=(0, 2, 0, 0))
+    for name, value in rows:
+        table.add_row(name, value)
+    Console(soft_wrap=True).print(table)
+
+
+def print_explanation(rows):
+    """Print every key of a scene: value, given or default, unit, meaning and source."""
+    table = Table("key", "value", "", "unit", "meaning", "source", box=None, padding=(0, 1, 0, 0))
+    for row in rows:
+        table.add_row(*(str(cell).replace("[", r"\[") for cell in row))
+    console = Console()
+    (console if console.is_terminal else Console(width=220)).print(table)
+
+
+def print_check(scene, ranks):
+    """Print what a scene would do: particles, bonds, steps, memory, time."""
+    from pdhpc.study.estimate import estimate
+
+    found = estimate(scene, ranks)
+    about = "" if found.exact else "about "
+    print_rows([
+        ("scene", scene.title or scene.source),
+        ("particles", f"{found.particles:,}"),
+        ("bonds", f"{about}{found.bonds:,} (at most {found.neighbours} neighbours)"),
+        *(("critical stretch", f"{material}: {text}") for material, text in found.critical_stretch),
+        ("critical step", f"{found.critical_dt:.6g} s (sqrt(2 rho / |A|), A the stiffness tensor of a particle's bonds: a lower bound)"),
+        ("step", f"{found.dt:.6g} s"),
+        ("steps", f"{found.steps:,}"),
+        ("ranks", str(found.ranks)),
+        ("memory per rank", f"about {_size(found.memory)}"),
+        ("estimated time", f"about {_duration(found.seconds)} (kernels at {found.rate / 1e6:.0f} million bonds per second and core, measured now)"),
+    ])
+    for warning in found.warnings:
+        print(f"warning: {warning}")
+
+
+def _size(number):
+    for unit in ("B", "kB", "MB", "GB"):
+        if number < 1000:
+            return f"{number:.3g} {unit}"
+        number /= 1000
+    return f"{number:.3g} TB"
+
+
+def _duration(seconds):
+    if not math.isfinite(seconds):
+        return "unknown"
+    if seconds < 120:
+        return f"{seconds:.1f} s"
+    return f"{seconds / 60:.1f} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"

@@ -1,0 +1,248 @@
+"""Shapes of bodies, holes, regions and pre-cracks as tables of the scene."""
+from typing import Annotated, List, Literal, Optional, Union
+
+from pydantic import BeforeValidator, Discriminator, Tag
+
+from pdhpc.scene.fields import Matrix, Name, Positive, Rule, Table, Vector, _optional_list, check_direction, check_vector, key, length
+
+
+class ShapeTable(Table):
+    """A table that holds a shape; check(dim) raises a Rule, bounding_box() returns (lower, upper)."""
+
+    def check(self, dim):
+        """Raise a Rule when the shape is impossible in `dim` dimensions."""
+
+    def bounding_box(self):
+        """Return (lower, upper), m."""
+
+
+class BoxShape(ShapeTable):
+    """Axis-aligned box."""
+
+    shape: Literal["box"] = key("axis-aligned box")
+    lower: Vector = key("corner with the smallest coordinates", "m")
+    upper: Vector = key("corner with the largest coordinates", "m")
+
+    def check(self, dim):
+        """Raise a Rule unless lower < upper in every direction."""
+        check_vector("lower", self.lower, dim)
+        check_vector("upper", self.upper, dim)
+        if not all(low < high for low, high in zip(self.lower, self.upper)):
+            raise Rule("upper", self.upper, f"a corner above lower = {self.lower} in every direction")
+
+    def bounding_box(self):
+        """Return (lower, upper), m."""
+        return list(self.lower), list(self.upper)
+
+
+class DiskShape(ShapeTable):
+    """Disk in 2D."""
+
+    shape: Literal["disk"] = key("disk, 2D")
+    center: Vector = key("centre", "m")
+    radius: Positive = key("radius", "m")
+
+    def check(self, dim):
+        """Raise a Rule in 3D."""
+        if dim == 3:
+            raise Rule("shape", '"disk"', "box, sphere, cylinder or half_space in 3D")
+        check_vector("center", self.center, dim)
+
+    def bounding_box(self):
+        """Return (lower, upper), m."""
+        return [x - self.radius for x in self.center], [x + self.radius for x in self.center]
+
+
+class SphereShape(ShapeTable):
+    """Ball in 3D."""
+
+    shape: Literal["sphere"] = key("ball, 3D")
+    center: Vector = key("centre", "m")
+    radius: Positive = key("radius", "m")
+
+    def check(self, dim):
+        """Raise a Rule in 2D."""
+        if dim == 2:
+            raise Rule("shape", '"sphere"', "box, disk or half_space in 2D")
+        check_vector("center", self.center, dim)
+
+    bounding_box = DiskShape.bounding_box
+
+
+class CylinderShape(ShapeTable):
+    """Solid cylinder in 3D."""
+
+    shape: Literal["cylinder"] = key("solid cylinder with flat ends, 3D")
+    start: Vector = key("centre of one end", "m")
+    end: Vector = key("centre of the other end", "m")
+    radius: Positive = key("radius", "m")
+
+    def check(self, dim):
+        """Raise a Rule in 2D or for ends that coincide."""
+        if dim == 2:
+            raise Rule("shape", '"cylinder"', "box, disk or half_space in 2D")
+        check_vector("start", self.start, dim)
+        check_vector("end", self.end, dim)
+        if self.start == self.end:
+            raise Rule("end", self.end, "a point other than start")
+
+    def bounding_box(self):
+        """Return (lower, upper), m."""
+        span = length([b - a for a, b in zip(self.start, self.end)])
+        reach = [self.radius * max(0.0, 1 - ((b - a) / span) ** 2) ** 0.5 for a, b in zip(self.start, self.end)]
+        lower = [min(a, b) - r for a, b, r in zip(self.start, self.end, reach)]
+        return lower, [max(a, b) + r for a, b, r in zip(self.start, self.end, reach)]
+
+
+class HalfSpaceShape(ShapeTable):
+    """Half space."""
+
+    shape: Literal["half_space"] = key("all points on one side of a line or plane")
+    point: Vector = key("point on the boundary", "m")
+    normal: Vector = key("direction into the half space")
+
+    def check(self, dim):
+        """Raise a Rule for a zero normal."""
+        check_vector("point", self.point, dim)
+        check_direction("normal", self.normal, dim)
+
+    def bounding_box(self):
+        """Return (lower, upper), m: infinite."""
+        return [-float("inf")] * len(self.point), [float("inf")] * len(self.point)
+
+
+class _Body(Table):
+    name: Name = key("name of the body")
+    material: Name = key("name of its material")
+    hole: Annotated[List["Hole"], BeforeValidator(_optional_list)] = key("shapes cut out of the body", default=[])
+
+
+class _Region(Table):
+    name: Name = key("name of the region")
+    body: Optional[Name] = key("only particles of this body", default=None)
+
+
+class BoxBody(_Body, BoxShape):
+    """Box filled with a lattice."""
+
+
+class DiskBody(_Body, DiskShape):
+    """Disk filled with a lattice."""
+
+
+class SphereBody(_Body, SphereShape):
+    """Ball filled with a lattice."""
+
+
+class CylinderBody(_Body, CylinderShape):
+    """Cylinder filled with a lattice."""
+
+
+class BoxRegion(_Region, BoxShape):
+    """Region in a box."""
+
+
+class DiskRegion(_Region, DiskShape):
+    """Region in a disk."""
+
+
+class SphereRegion(_Region, SphereShape):
+    """Region in a ball."""
+
+
+class CylinderRegion(_Region, CylinderShape):
+    """Region in a cylinder."""
+
+
+class HalfSpaceRegion(_Region, HalfSpaceShape):
+    """Region in a half space."""
+
+
+class _Crack(ShapeTable):
+    name: Optional[Name] = key("name of the crack", default=None)
+
+
+class PolylineCrack(_Crack):
+    """Pre-crack along a polyline in 2D."""
+
+    type: Literal["polyline"] = key("crack along a polyline, 2D")
+    points: Matrix = key("corners of the polyline", "m")
+
+    def check(self, dim):
+        """Raise a Rule in 3D, for fewer than two points, or for a segment without length."""
+        if dim == 3:
+            raise Rule("type", '"polyline"', "rectangle or disk in 3D")
+        for point in self.points:
+            check_vector("points", point, dim)
+        if len(self.points) < 2 or any(a == b for a, b in zip(self.points[:-1], self.points[1:])):
+            raise Rule("points", self.points, "at least two points, each different from the one before")
+
+    def bounding_box(self):
+        """Return (lower, upper), m."""
+        return [min(x) for x in zip(*self.points)], [max(x) for x in zip(*self.points)]
+
+
+class RectangleCrack(_Crack):
+    """Flat pre-crack spanned by two edges in 3D."""
+
+    type: Literal["rectangle"] = key("flat crack spanned by two edges, 3D")
+    corner: Vector = key("corner", "m")
+    edge1: Vector = key("edge from the corner", "m")
+    edge2: Vector = key("other edge from the corner", "m")
+
+    def check(self, dim):
+        """Raise a Rule in 2D or for parallel edges."""
+        if dim == 2:
+            raise Rule("type", '"rectangle"', "polyline in 2D")
+        check_vector("corner", self.corner, dim)
+        check_direction("edge1", self.edge1, dim)
+        check_direction("edge2", self.edge2, dim)
+        a, b = self.edge1, self.edge2
+        cross = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+        if length(cross) <= 1e-9 * length(a) * length(b):
+            raise Rule("edge2", b, f"an edge not parallel to edge1 = {a}")
+
+    def bounding_box(self):
+        """Return (lower, upper), m."""
+        sides = [[0.0, a, b, a + b] for a, b in zip(self.edge1, self.edge2)]
+        return [c + min(s) for c, s in zip(self.corner, sides)], [c + max(s) for c, s in zip(self.corner, sides)]
+
+
+class DiskCrack(_Crack):
+    """Penny-shaped pre-crack in 3D."""
+
+    type: Literal["disk"] = key("penny-shaped crack, 3D")
+    center: Vector = key("centre", "m")
+    normal: Vector = key("normal of its plane")
+    radius: Positive = key("radius", "m")
+
+    def check(self, dim):
+        """Raise a Rule in 2D or for a zero normal."""
+        if dim == 2:
+            raise Rule("type", '"disk"', "polyline in 2D")
+        check_vector("center", self.center, dim)
+        check_direction("normal", self.normal, dim)
+
+    def bounding_box(self):
+        """Return (lower, upper), m."""
+        size = length(self.normal)
+        reach = [self.radius * max(0.0, 1 - (n / size) ** 2) ** 0.5 for n in self.normal]
+        return [c - r for c, r in zip(self.center, reach)], [c + r for c, r in zip(self.center, reach)]
+
+
+def one_of(models, word):
+    """Return the union of table models told apart by the key `word`."""
+    def tag(value):
+        return value.get(word) if isinstance(value, dict) else getattr(value, word, None)
+
+    members = tuple(Annotated[model, Tag(model.model_fields[word].annotation.__args__[0])] for model in models)
+    return Annotated[Union[members], Discriminator(tag)]
+
+
+Hole = one_of([BoxShape, DiskShape, SphereShape, CylinderShape, HalfSpaceShape], "shape")
+Body = one_of([BoxBody, DiskBody, SphereBody, CylinderBody], "shape")
+Region = one_of([BoxRegion, DiskRegion, SphereRegion, CylinderRegion, HalfSpaceRegion], "shape")
+Crack = one_of([PolylineCrack, RectangleCrack, DiskCrack], "type")
+
+for model in (BoxBody, DiskBody, SphereBody, CylinderBody):
+    model.model_rebuild(_types_namespace={"Hole": Hole, "List": List, "Annotated": Annotated})

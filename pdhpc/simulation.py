@@ -1,0 +1,197 @@
+"""A scene run from start to end: builds it, drives it, writes its outputs and run.json.
+
+    from pdhpc.simulation import Simulation
+    record = Simulation.from_file("runs/glass_branching.toml").run("out")
+"""
+import platform
+import subprocess
+import time
+from pathlib import Path
+
+import numpy as np
+
+from pdhpc import __version__
+from pdhpc.observers.guard import FiniteGuard
+from pdhpc.observers.output import FieldOutput, HistoryOutput, columns, steps_of
+from pdhpc.observers.progress import Progress
+from pdhpc.output.fields import FieldWriter
+from pdhpc.output.history import History
+from pdhpc.output.record import claim_directory, write_json
+from pdhpc.parallel.comm import on_root, world
+from pdhpc.run import RunError, drive
+from pdhpc.scene.build import build, make_gauges
+from pdhpc.scene.read import parse_scene, read_text
+
+_LARGE_BALANCE_ERROR = 0.02  # relative; a larger one is reported as a warning
+
+
+class Simulation:
+    """One scene on one communicator.
+
+    Attributes
+    ----------
+    scene : Scene. problem : Problem, this rank's share. stepper : VelocityVerlet at its current step. energies, probes, tips : gauges.
+    """
+
+    def __init__(self, scene, comm=None):
+        """Build the scene. Collective over `comm` (default: all ranks)."""
+        started = time.perf_counter()
+        self.comm = world() if comm is None else comm
+        self.scene = scene
+        _compile_first_on_each_node(self.comm)
+        compiled = time.perf_counter()
+        self.problem = build(scene, self.comm)
+        self.energies, self.probes, self.tips = make_gauges(self.problem, self.comm)
+        self.stepper = self.problem.stepper()
+        self.seconds = {"compile": compiled - started, "setup": time.perf_counter() - compiled}
+        self.warnings = list(self.problem.warnings)
+
+    @classmethod
+    def from_file(cls, path, overrides=(), comm=None):
+        """Read a scene on rank 0 and build it. Collective."""
+        return cls(read_on_root(path, overrides, world() if comm is None else comm), comm)
+
+    def run(self, directory=None, overwrite=False, quiet=False, options=()):
+        """Run to the end; with a directory write fields, history and run.json there. Collective.
+
+        Returns
+        -------
+        dict, the content of run.json.
+
+        Raises
+        ------
+        OutputError: the directory holds another run, or cannot be written. RunError: the run cannot go on.
+        """
+        writes = directory is not None
+        if writes:
+            on_root(self.comm, claim_directory, str(directory), overwrite)
+            self._write(directory, self._record("running"))
+        observers, progress = self._observers(directory, quiet)
+        try:
+            drive(self.stepper, self.problem.n_steps, observers, self.seconds)
+        except Exception as error:
+            progress.close()
+            if writes and isinstance(error, RunError):
+                self._write(directory, {**self._record("failed"), "error": str(error)})
+            raise
+        if self.energies.latest and self.energies.relative_error() > _LARGE_BALANCE_ERROR:
+            self.warnings.append(f"the energy balance is off by {self.energies.relative_error():.1%} of the largest energy")
+        record = self._record("done")
+        if writes:
+            self._write(directory, record)
+        return record
+
+    def _observers(self, directory, quiet):
+        """Return (observers, the progress display)."""
+        problem, scene = self.problem, self.scene
+        frames = steps_of(scene.output_times(), problem.dt, problem.n_steps)
+        rows = steps_of(sorted(set(scene.history_times()) | set(scene.output_times())), problem.dt, problem.n_steps)
+        progress = Progress(problem.n_steps, scene.time.end, quiet or self.comm.rank > 0)
+        observers = [FiniteGuard(self.comm, frames), *self.tips]
+        if directory is not None:
+            header = {"scene": scene.resolved(), "version": __version__, "ranks": self.comm.size}
+            observers.append(FieldOutput(FieldWriter(self.comm, directory, header), scene.output.fields, frames))
+            gauges = [self.energies, *self.probes, *self.tips]
+            observers.append(HistoryOutput(History(Path(directory) / "history.csv", columns(gauges), self.comm), gauges, rows))
+        else:
+            observers.append(HistoryOutput(_Nowhere(), [self.energies], [problem.n_steps]))
+        return observers + [progress], progress
+
+    def _write(self, directory, record):
+        on_root(self.comm, write_json, Path(directory) / "run.json", record)
+
+    def _record(self, status):
+        """Return the content of run.json. Collective."""
+        problem, stepper, comm = self.problem, self.stepper, self.comm
+        particles, bonds = problem.subdomain.particles, problem.subdomain.bonds
+        per_rank = np.array(comm.allgather([particles.n_owned, particles.n_ghost, bonds.n_directed, problem.exchange.sent]))
+        phases = {**self.seconds, **stepper.seconds}
+        slowest = {name: max(comm.allgather(seconds)) for name, seconds in phases.items()}
+        mean = {name: float(np.mean(comm.allgather(seconds))) for name, seconds in phases.items()}
+        stepping = sum(mean[name] for name in ("force", "exchange", "integrate"))
+        n_particles, n_bonds = int(per_rank[:, 0].sum()), int(per_rank[:, 2].sum()) // 2
+        record = {
+            "status": status,
+            "title": self.scene.title,
+            "scene_file": self.scene.source,
+            "versions": versions(),
+            "commit": _commit(),
+            "host": platform.node(),
+            "ranks": comm.size,
+            "particles": n_particles,
+            "bonds": n_bonds,
+            "neighbours_largest": int(comm.allreduce(int(bonds.family_size.max(initial=0)), op=_max())),
+            "critical_dt": problem.critical_dt,
+            "dt": problem.dt,
+            "steps": stepper.step,
+            "steps_planned": problem.n_steps,
+            "time": stepper.time,
+            "seconds": mean,
+            "seconds_slowest_rank": slowest,
+            "bond_evaluations": 2 * n_bonds * (stepper.step + 1),
+            "particle_steps_per_second_and_core": n_particles * stepper.step / (stepping * comm.size) if stepping > 0 else None,
+            "ghosts": int(per_rank[:, 1].sum()),
+            "sent_per_step": int(per_rank[:, 3].sum()),
+            "bond_imbalance": float(per_rank[:, 2].max() / max(per_rank[:, 2].mean(), 1)),
+            "broken_bonds": self.energies.latest.get("broken_bonds", 0),
+            "energies": {name: value for name, value in self.energies.latest.items() if name != "broken_bonds"},
+            "balance_error_relative": self.energies.relative_error() if self.energies.latest else None,
+            "tips": {tip.settings.name: {"position": tip.position, "speed": tip.speed, "largest_speed": tip.largest_speed} for tip in self.tips},
+            "warnings": self.warnings,
+            "scene": self.scene.resolved(),
+        }
+        return record
+
+
+class _Nowhere:
+    """History of a run that writes nothing."""
+
+    def append(self, row):
+        """Drop the row."""
+
+
+def read_on_root(path, overrides, comm):
+    """Return the Scene of a file that rank 0 reads; a SceneError is raised on every rank. Collective."""
+    text = on_root(comm, read_text, path)
+    return parse_scene(text, str(path), overrides)
+
+
+def versions():
+    """Return the versions of pdhpc and of what it runs on."""
+    import h5py
+    import mpi4py
+    import numba
+
+    packages = {"pdhpc": __version__, "python": platform.python_version(), "numpy": np.__version__, "numba": numba.__version__, "mpi4py": mpi4py.__version__}
+    return {**packages, "h5py": h5py.__version__}
+
+
+def _commit():
+    """Return the git commit of the package's checkout, with "+" when it is modified, or None."""
+    folder = Path(__file__).parent
+    if not (folder.parent / ".git").exists():
+        return None
+    try:
+        words = ["git", "-C", str(folder), "describe", "--always", "--dirty=+", "--abbrev=12"]
+        return subprocess.run(words, capture_output=True, text=True, timeout=10, check=True).stdout.strip()
+    except (OSError, subprocess.SubprocessError):
+        return None
+
+
+def _max():
+    from mpi4py import MPI
+
+    return MPI.MAX
+
+
+def _compile_first_on_each_node(comm):
+    """Let one rank of each node compile the kernels into the cache before the others load them. Collective."""
+    from mpi4py import MPI
+
+    node = comm.Split_type(MPI.COMM_TYPE_SHARED)
+    if node.rank == 0:
+        from pdhpc.warm_up import compile_kernels
+
+        compile_kernels()
+    node.Barrier()
+    node.Free()

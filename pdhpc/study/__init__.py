@@ -1,0 +1,1 @@
+"""L6: studies of runs: estimates, verification."""
