@@ -35,14 +35,10 @@ def _choose_cache_folder():
 
 _choose_cache_folder()
 
-# Division by zero follows IEEE (an exception test inside a loop stops it from being vectorised); NaN and inf are kept, so that they can be found.
-_OPTIONS = dict(error_model="numpy", boundscheck=False, nogil=True)
-
-kernel = numba.njit(cache=True, fastmath={"contract", "reassoc", "arcp", "nsz"}, **_OPTIONS)
-"""Compile and cache a loop over particles or bonds. Sums within one row may be reordered, always in the same way for rows of the same length."""
-
-exact_kernel = numba.njit(cache=True, **_OPTIONS)
-"""Compile and cache a loop whose floating point operations are done as written (set-up, geometry, updates)."""
+# Floating point operations are done as written: sums keep their order, NaN and inf survive, division by zero follows IEEE. What must be fast says so with
+# explicit vectors (kernels/simd.py).
+kernel = numba.njit(cache=True, error_model="numpy", boundscheck=False, nogil=True)
+"""Compile and cache a loop over particles or bonds."""
 
 inlined = numba.njit(inline="always", error_model="numpy")
-"""Compile a function that is inlined into kernels (material laws)."""
+"""Compile a function that is inlined into kernels."""

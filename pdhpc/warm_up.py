@@ -17,14 +17,14 @@ from pdhpc.peridynamics.subdomain import make_subdomain
 
 
 def block(dim, cells, ratio, linear=False):
-    """Return (Subdomain, Law) of a small cube of `cells` per side, horizon/spacing `ratio`: for warming up and for measuring kernels. Local."""
+    """Return (Subdomain, Law) of a small cube of `cells` per side, family radius `ratio` spacings: for warming up and for measuring kernels. Local."""
     spacing = 1e-3
     body = LatticeBody(Box((0.0,) * dim, (cells * spacing,) * dim), spacing, 0)
     setting = Setting("3d" if dim == 3 else "plane_stress", ratio * spacing, 1.0, "constant")
-    law = make_law([(BondBased("steel", 7800.0, 200e9, 1e4), True)], setting, spacing, "linear")
+    law = make_law([(BondBased("steel", 7800.0, 200e9, 1e4), True)], setting, spacing, "none")
     empty = Partition(np.empty(0, np.int64), np.empty(0), np.empty((0, 2), np.int64), 1)
     describe = lambda points, number: (np.full(len(points), spacing**dim), np.zeros(len(points), np.uint8))  # noqa: E731
-    return make_subdomain([body], empty, 0, ratio * spacing, describe, linear), law
+    return make_subdomain([body], empty, 0, ratio * (1 + 1e-9) * spacing, describe, linear), law
 
 
 def compile_kernels(dims=(2, 3)):

@@ -5,7 +5,7 @@ work d(kinetic) - V (f_n + f_{n+1})/2 du, f the total force density. Work is kep
 """
 import numpy as np
 
-from pdhpc.jit import exact_kernel
+from pdhpc.jit import kernel
 
 
 class BodyForce:
@@ -69,21 +69,21 @@ class PrescribedMotion:
         return half_density[self.indices] * np.square(velocity[self.indices][:, self.components]).sum(axis=1)
 
 
-@exact_kernel
+@kernel
 def _add_load(force_density, indices, vector, scale):
     for n in range(len(indices)):
         for d in range(vector.shape[1]):
             force_density[indices[n], d] += scale * vector[n, d]
 
 
-@exact_kernel
+@kernel
 def _add_load_work(work, indices, vector, velocity, factor):
     for n in range(len(indices)):
         for d in range(vector.shape[1]):
             work[n] += factor * vector[n, d] * velocity[indices[n], d]
 
 
-@exact_kernel
+@kernel
 def _steer(displacement, velocity, indices, components, target, dt, absolute):
     for n in range(len(indices)):
         i = indices[n]
@@ -92,14 +92,14 @@ def _steer(displacement, velocity, indices, components, target, dt, absolute):
             velocity[i, d] = (target[c] - displacement[i, d]) / dt if absolute else target[c] / dt
 
 
-@exact_kernel
+@kernel
 def _settle(velocity, indices, components, value):
     for n in range(len(indices)):
         for c in range(len(components)):
             velocity[indices[n], components[c]] = value[c]
 
 
-@exact_kernel
+@kernel
 def _subtract_force_work(work, indices, components, force_density, velocity, factor):
     for n in range(len(indices)):
         for c in range(len(components)):

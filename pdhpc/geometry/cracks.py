@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pdhpc.jit import exact_kernel
+from pdhpc.jit import kernel
 
 _EDGE = 1e-9  # relative: a crossing point this far outside the rim still counts as on the crack
 
@@ -58,7 +58,7 @@ def cut_bonds(bonds, points, n_owned, facets):
     return sum(_cut(bonds.row_start, bonds.neighbour, bonds.alive, points, n_owned, *facet) for facet in facets)
 
 
-@exact_kernel
+@kernel
 def _cut(row_start, neighbour, alive, points, n_owned, origin, normal, along, radius):
     dim = points.shape[1]
     cut = 0
@@ -83,7 +83,7 @@ def _cut(row_start, neighbour, alive, points, n_owned, origin, normal, along, ra
     return cut
 
 
-@exact_kernel
+@kernel
 def _on_piece(points, i, j, fraction, origin, along, radius):
     """Whether the point at `fraction` of the bond from i to j lies within the rim of the piece."""
     dim = points.shape[1]

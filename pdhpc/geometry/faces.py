@@ -1,8 +1,8 @@
 """Area of the face of a set of lattice particles: what a traction on a region acts on."""
-from pdhpc.jit import exact_kernel
+from pdhpc.jit import kernel
 
 
-@exact_kernel
+@kernel
 def count_face(row_start, neighbour, reference, selected, axis, step):
     """Count the owned selected particles with no selected neighbour one lattice spacing away along an axis. Local.
 

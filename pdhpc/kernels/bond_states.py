@@ -1,12 +1,12 @@
 """Sweeps over bond states."""
 import numpy as np
 
-from pdhpc.jit import exact_kernel
+from pdhpc.jit import kernel
 
 _BITS = np.array([bin(byte).count("1") for byte in range(256)], dtype=np.uint8)
 
 
-@exact_kernel
+@kernel
 def count_alive(bonds, counts):
     """Store the number of intact bonds of each owned particle in counts (n_owned,) int32; rows fill whole bytes."""
     for i in range(len(counts)):
@@ -16,7 +16,7 @@ def count_alive(bonds, counts):
         counts[i] = total
 
 
-@exact_kernel
+@kernel
 def foremost_damaged(bonds, initial_size, threshold, members, ahead):
     """Return the member (owned index) whose damage 1 - intact/initial exceeds `threshold` with the largest ahead (n_owned,), m; -1 if none."""
     best, best_ahead = -1, -np.inf

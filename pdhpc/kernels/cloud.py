@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pdhpc.jit import kernel
+from pdhpc.jit import inlined, kernel
+from pdhpc.kernels.simd import LANES, any_of, fma, gather_xy, gather_xyz, lane_mask, lane_sum, larger, load8, select, splat, sqrt8
 from pdhpc.materials.bond_based import bond_weight, pair_energy, pair_force
 
 MIXED = 255
@@ -20,7 +21,8 @@ MIXED = 255
 class PointArrays(NamedTuple):
     """Particles as kernels see them: owned first, then ghosts.
 
-    reference (n, dim), m; position (n, width), m: current positions (finite kinematics) or displacements (linear), width 2 in 2D and 4 in 3D;
+    reference (n, width), m; position (n, width), m: current positions (finite kinematics) or displacements (linear); width 2 in 2D and 4 in 3D, padded
+    so that a row is one load;
     volume (n,), m^3; block (n,) uint8; row_block (n_owned,) uint8: the block of the whole row, or MIXED.
     """
 
@@ -49,75 +51,78 @@ def bond_forces(points, bonds, law, linear, third, rows, force_density, dissipat
     """
     broken = 0
     for i in range(rows[0], rows[1]):
-        beyond = _row_force(i, points, bonds, law, linear, third, force_density)
-        if beyond > 0:
-            broken += _break_row(i, points, bonds, law, linear, third, dissipated)
-            _row_force(i, points, bonds, law, linear, third, force_density)
+        newly_broken = 1
+        while _row_force(i, points, bonds, law, linear, third, force_density) and newly_broken:
+            newly_broken = _break_row(i, points, bonds, law, linear, third, dissipated)
+            broken += newly_broken
     return broken
 
 
-@kernel
+@inlined
 def _row_force(i, points, bonds, law, linear, third, force_density):
-    """Sum the forces on particle i; return how many of its alive bonds exceed their critical stretch."""
-    first, last = bonds.row_start[i], bonds.row_start[i + 1]
+    """Sum the forces on particle i; return whether an alive bond exceeds its critical stretch."""
     block = points.row_block[i]
     if block == MIXED:
         return _mixed_row_force(i, points, bonds, law, linear, third, force_density)
     c, limit = law.micromodulus[block, block], law.critical_stretch[block, block]
-    fx, fy, fz, beyond = 0.0, 0.0, 0.0, 0
-    neighbour, inv_length, alive, position, reference = bonds.neighbour, bonds.inv_length, bonds.alive, points.position, points.reference
-    px, py = position[i, 0], position[i, 1]
-    rx, ry = reference[i, 0], reference[i, 1]
-    if third is not None:
-        pz, rz = position[i, 2], reference[i, 2]
-    for k in range(first, last):
-        j = np.uint32(neighbour[k])
-        inv_l = inv_length[k]
-        live = ((alive[k >> 3] >> np.uint8(k & 7)) & np.uint8(1)) != 0
-        ex, ey = position[j, 0] - px, position[j, 1] - py
-        if third is not None:
-            ez = position[j, 2] - pz
+    fx, fy, fz, largest = splat(0.0), splat(0.0), splat(0.0), splat(-1.0)
+    for k in range(bonds.row_start[i], bonds.row_start[i + 1], LANES):
+        inv_l = load8(bonds.inv_length, k)
+        live = lane_mask(bonds.alive[k >> 3])
+        if third is None:
+            ex, ey = _offsets_2d(points.position, bonds.neighbour, i, k)
+            dx, dy = _offsets_2d(points.reference, bonds.neighbour, i, k) if linear else (ex, ey)
+            along2, length2 = fma(dx, ex, dy * ey), inv_l * inv_l
         else:
-            ez = 0.0
-        if linear:
-            dx, dy = reference[j, 0] - rx, reference[j, 1] - ry
-            if third is not None:
-                dz = reference[j, 2] - rz
-            else:
-                dz = 0.0
-            stretch = (dx * ex + dy * ey + dz * ez) * inv_l * inv_l
-            along = inv_l
-            ex, ey, ez = dx, dy, dz
-        else:
-            ratio = np.sqrt(ex * ex + ey * ey + ez * ez) * inv_l
+            ex, ey, ez = _offsets_3d(points.position, bonds.neighbour, i, k)
+            dx, dy, dz = _offsets_3d(points.reference, bonds.neighbour, i, k) if linear else (ex, ey, ez)
+            along2, length2 = fma(dx, ex, fma(dy, ey, dz * ez)), inv_l * inv_l
+        if linear:  # s = xi . eta / |xi|^2, along xi/|xi|
+            stretch = along2 * length2
+            pull = pair_force(c, bond_weight(inv_l, law), stretch)
+        else:  # s = |xi + eta|/|xi| - 1, along (xi + eta)/|xi + eta|
+            ratio = sqrt8(along2 * length2)
             stretch = ratio - 1.0
-            along = inv_l / ratio
-        pull = pair_force(c, bond_weight(inv_l, law), stretch) * along
-        pull = pull if live else 0.0
-        beyond += live & (stretch > limit)
-        fx += pull * ex
-        fy += pull * ey
-        fz += pull * ez
+            pull = pair_force(c, bond_weight(inv_l, law), stretch) / ratio
+        pull = select(live, pull, splat(0.0))
+        largest = larger(select(live, stretch, splat(-1.0)), largest)
+        fx, fy = fma(pull, dx, fx), fma(pull, dy, fy)
+        if third is not None:
+            fz = fma(pull, dz, fz)
     volume = points.volume[i]
-    force_density[i, 0] = fx * volume
-    force_density[i, 1] = fy * volume
+    force_density[i, 0] = lane_sum(fx) * volume
+    force_density[i, 1] = lane_sum(fy) * volume
     if third is not None:
-        force_density[i, 2] = fz * volume
-    return beyond
+        force_density[i, 2] = lane_sum(fz) * volume
+    return any_of(largest > limit)
+
+
+@inlined
+def _offsets_2d(table, neighbour, i, k):
+    """Return (x, y) of eight neighbours relative to particle i."""
+    x, y = gather_xy(table, neighbour, k)
+    return x - table[i, 0], y - table[i, 1]
+
+
+@inlined
+def _offsets_3d(table, neighbour, i, k):
+    """Return (x, y, z) of eight neighbours relative to particle i."""
+    x, y, z = gather_xyz(table, neighbour, k)
+    return x - table[i, 0], y - table[i, 1], z - table[i, 2]
 
 
 @kernel
 def _mixed_row_force(i, points, bonds, law, linear, third, force_density):
-    """As _row_force where neighbours differ in block or volume."""
+    """As _row_force, bond by bond, where neighbours differ in block or volume."""
     block = points.block[i]
-    fx, fy, fz, beyond = 0.0, 0.0, 0.0, 0
+    fx, fy, fz, beyond = 0.0, 0.0, 0.0, False
     for k in range(bonds.row_start[i], bonds.row_start[i + 1]):
         if not _is_alive(bonds.alive, k):
             continue
         j = bonds.neighbour[k]
         stretch, along, ex, ey, ez = _stretch(i, k, points, bonds, linear, third)
         pull = pair_force(law.micromodulus[block, points.block[j]], bond_weight(bonds.inv_length[k], law), stretch) * along * points.volume[j]
-        beyond += stretch > law.critical_stretch[block, points.block[j]]
+        beyond |= stretch > law.critical_stretch[block, points.block[j]]
         fx += pull * ex
         fy += pull * ey
         fz += pull * ez
@@ -135,19 +140,26 @@ def _is_alive(alive, k):
 
 @kernel
 def _stretch(i, k, points, bonds, linear, third):
-    """Return the stretch of bond k of particle i and what its pair force is multiplied by: a factor (1/m) and a vector (m)."""
+    """Return the stretch of bond k of particle i, and the factor and the vector (m) that turn pair_force into a force.
+
+    The same operations in the same order as in _row_force: both must find the same stretch to the last bit, since a bond breaks at both of its ends or at none.
+    """
     j = bonds.neighbour[k]
     inv_l = bonds.inv_length[k]
-    ex, ey, ez = points.position[j, 0] - points.position[i, 0], points.position[j, 1] - points.position[i, 1], 0.0
+    ex, ey = points.position[j, 0] - points.position[i, 0], points.position[j, 1] - points.position[i, 1]
+    dx, dy, ez, dz = ex, ey, 0.0, 0.0
+    if linear:
+        dx, dy = points.reference[j, 0] - points.reference[i, 0], points.reference[j, 1] - points.reference[i, 1]
+    along2 = dy * ey
     if third is not None:
         ez = points.position[j, 2] - points.position[i, 2]
+        dz = points.reference[j, 2] - points.reference[i, 2] if linear else ez
+        along2 = fma(dy, ey, dz * ez)
+    along2 = fma(dx, ex, along2)
     if linear:
-        dx, dy, dz = points.reference[j, 0] - points.reference[i, 0], points.reference[j, 1] - points.reference[i, 1], 0.0
-        if third is not None:
-            dz = points.reference[j, 2] - points.reference[i, 2]
-        return (dx * ex + dy * ey + dz * ez) * inv_l * inv_l, inv_l, dx, dy, dz
-    ratio = np.sqrt(ex * ex + ey * ey + ez * ez) * inv_l
-    return ratio - 1.0, inv_l / ratio, ex, ey, ez
+        return along2 * (inv_l * inv_l), 1.0, dx, dy, dz
+    ratio = np.sqrt(along2 * (inv_l * inv_l))
+    return ratio - 1.0, 1.0 / ratio, dx, dy, dz
 
 
 @kernel
@@ -226,7 +238,7 @@ def deformation_moments(points, bonds, law, shape, moment):
         for k in range(bonds.row_start[i], bonds.row_start[i + 1]):
             if _is_alive(bonds.alive, k):
                 j = bonds.neighbour[k]
-                weight = bond_weight(bonds.inv_length[k], law) * points.volume[j]
+                weight = bond_weight(bonds.inv_length[k], law) * points.volume[j] / bonds.inv_length[k]
                 for b in range(dim):
                     xi = points.reference[j, b] - points.reference[i, b]
                     for a in range(dim):
@@ -237,7 +249,7 @@ def deformation_moments(points, bonds, law, shape, moment):
 @kernel
 def largest_frequency2(points, bonds, law):
     """Return max_i |A_i| / rho_i, 1/s^2, with A_i = sum_j c omega beta V_j / |xi| e (x) e over intact bonds and |.| its largest absolute row sum."""
-    dim = points.reference.shape[1]
+    dim = 2 if points.reference.shape[1] == 2 else 3
     largest = 0.0
     tensor = np.empty((dim, dim))
     for i in range(len(points.row_block)):
@@ -247,11 +259,10 @@ def largest_frequency2(points, bonds, law):
             if _is_alive(bonds.alive, k):
                 j = bonds.neighbour[k]
                 inv_l = bonds.inv_length[k]
-                stiffness = pair_force(law.micromodulus[block, points.block[j]], bond_weight(inv_l, law), 1.0) * points.volume[j] * inv_l
+                stiffness = pair_force(law.micromodulus[block, points.block[j]], bond_weight(inv_l, law), 1.0) * points.volume[j] * inv_l * inv_l
                 for a in range(dim):
                     for b in range(dim):
-                        xi_a = points.reference[j, a] - points.reference[i, a]
-                        tensor[a, b] += stiffness * inv_l * inv_l * xi_a * (points.reference[j, b] - points.reference[i, b])
+                        tensor[a, b] += stiffness * (points.reference[j, a] - points.reference[i, a]) * (points.reference[j, b] - points.reference[i, b])
         for a in range(dim):
             row_sum = 0.0
             for b in range(dim):

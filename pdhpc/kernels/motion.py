@@ -1,8 +1,8 @@
 """Updates of velocities and positions, one pass over the owned particles each, no temporaries."""
-from pdhpc.jit import exact_kernel
+from pdhpc.jit import kernel
 
 
-@exact_kernel
+@kernel
 def place(reference, displacement, position, linear):
     """Store X + u (finite) or u (linear), m, of owned particles in position (n, width)."""
     for i in range(len(displacement)):
@@ -10,7 +10,7 @@ def place(reference, displacement, position, linear):
             position[i, d] = displacement[i, d] if linear else reference[i, d] + displacement[i, d]
 
 
-@exact_kernel
+@kernel
 def kick(velocity, force_density, inverse_density, block, dt):
     """v += dt f / rho; velocity, force_density (n_owned, dim); inverse_density (n_block,), m^3/kg."""
     for i in range(len(velocity)):
@@ -19,7 +19,7 @@ def kick(velocity, force_density, inverse_density, block, dt):
             velocity[i, d] += factor * force_density[i, d]
 
 
-@exact_kernel
+@kernel
 def drift(displacement, velocity, reference, position, linear, dt):
     """u += dt v; position = X + u (finite) or u (linear)."""
     for i in range(len(displacement)):
@@ -28,7 +28,7 @@ def drift(displacement, velocity, reference, position, linear, dt):
             position[i, d] = displacement[i, d] if linear else reference[i, d] + displacement[i, d]
 
 
-@exact_kernel
+@kernel
 def all_finite(field):
     """Return the index of the first row of field (n, width) with a NaN or an infinity, or -1."""
     for i in range(len(field)):

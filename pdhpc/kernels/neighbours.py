@@ -1,25 +1,24 @@
-"""Neighbours within the horizon by cell lists: particles sorted by cell, the cells of one column read as one range.
+"""Neighbours within the family radius by cell lists: particles sorted by cell, the cells of one column read as one range.
 
-Cells have a third of the horizon, so that in a lattice of horizon/spacing 3 a cell holds one particle and rows come out nearly sorted by id.
+Cells have a third of the radius, so that in a lattice of radius 3 spacings a cell holds one particle and rows come out nearly sorted by id.
 """
 from typing import NamedTuple
 
 import numpy as np
 
-from pdhpc.jit import exact_kernel
+from pdhpc.jit import kernel
 
 LANES = 8
 """Rows are padded to a multiple of this, so that a row's states fill whole bytes and its slots whole vectors."""
 
-_CELLS_PER_HORIZON = 3
-_SLACK = 1e-9  # relative: lattice neighbours at exactly the horizon belong to the family whatever round-off says
+_CELLS_PER_RADIUS = 3
 
 
 class BondArrays(NamedTuple):
     """Families of the owned particles, rows sorted by the neighbours' global ids and padded to whole blocks of eight slots.
 
     row_start (n_owned + 1,) int64, first slot of each row; neighbour (n_slots,) int32, local index (padding: a valid index); inv_length (n_slots,) float,
-    1/m, inverse reference length (padding: 1/horizon); alive (n_slots / 8,) uint8, bit k & 7 of byte k >> 3 is slot k (padding: 0).
+    1/m, inverse reference length (padding: 1/radius); alive (n_slots / 8,) uint8, bit k & 7 of byte k >> 3 is slot k (padding: 0).
     """
 
     row_start: np.ndarray
@@ -37,13 +36,13 @@ class _Cells(NamedTuple):
     position: np.ndarray  # (n, 3) sorted positions, m
 
 
-def _cell_list(points, horizon):
-    """Sort points (n, dim) into cells of horizon/3 (larger where the body is sparse)."""
+def _cell_list(points, radius):
+    """Sort points (n, dim) into cells of radius/3 (larger where the body is sparse)."""
     padded = np.zeros((len(points), 3))
     padded[:, : points.shape[1]] = points
     lower = padded.min(axis=0) if len(points) else np.zeros(3)
     extent = (padded.max(axis=0) if len(points) else np.zeros(3)) - lower
-    per_length, counts = _CELLS_PER_HORIZON / horizon, None
+    per_length, counts = _CELLS_PER_RADIUS / radius, None
     while counts is None or np.prod(counts, dtype=float) > 4.0 * len(points) + 1000:
         per_length = per_length if counts is None else per_length / 2
         counts = np.floor(extent * per_length).astype(np.int64) + 1
@@ -51,7 +50,7 @@ def _cell_list(points, horizon):
     return _Cells(lower, per_length, counts, start, order, padded[order])
 
 
-@exact_kernel
+@kernel
 def _sort_into_cells(points, lower, per_length, counts):
     n = len(points)
     cell = np.empty(n, np.int64)
@@ -72,7 +71,7 @@ def _sort_into_cells(points, lower, per_length, counts):
     return start, order
 
 
-@exact_kernel
+@kernel
 def _search(points, n_rows, cells, radius2, reach, ids, row_start, neighbour, counts):
     """Count (neighbour empty) or store the neighbours of the first n_rows points, sorted by id."""
     storing = len(neighbour) > 0
@@ -103,29 +102,28 @@ def _search(points, n_rows, cells, radius2, reach, ids, row_start, neighbour, co
         counts[i] = found
 
 
-def _search_arguments(cells, horizon):
-    reach = int(np.ceil(horizon * (1 + _SLACK) * cells.per_length))
-    return (horizon * (1 + _SLACK)) ** 2, reach
+def _search_arguments(cells, radius):
+    return radius**2, int(np.ceil(radius * cells.per_length))
 
 
-def count_neighbours(points, n_rows, horizon):
-    """Return (n_rows,) int32: how many points lie within the horizon of each of the first n_rows points (n, dim), m. Local."""
-    cells = _cell_list(points, horizon)
-    radius2, reach = _search_arguments(cells, horizon)
+def count_neighbours(points, n_rows, radius):
+    """Return (n_rows,) int32: how many points lie within the radius of each of the first n_rows points (n, dim), m. Local."""
+    cells = _cell_list(points, radius)
+    radius2, reach = _search_arguments(cells, radius)
     counts = np.empty(n_rows, np.int32)
     _search(points, n_rows, cells, radius2, reach, np.empty(0, np.int64), np.zeros(1, np.int64), np.empty(0, np.int32), counts)
     return counts
 
 
-def find_bonds(points, ids, n_rows, horizon):
+def find_bonds(points, ids, n_rows, radius):
     """Return (BondArrays, family sizes) of the first n_rows points, all bonds alive. Local.
 
     Parameters
     ----------
-    points : (n, dim) m; ids : (n,) int64 global ids, distinct; horizon : m.
+    points : (n, dim) m; ids : (n,) int64 global ids, distinct; radius : m.
     """
-    cells = _cell_list(points, horizon)
-    radius2, reach = _search_arguments(cells, horizon)
+    cells = _cell_list(points, radius)
+    radius2, reach = _search_arguments(cells, radius)
     counts = np.empty(n_rows, np.int32)
     _search(points, n_rows, cells, radius2, reach, ids, np.zeros(1, np.int64), np.empty(0, np.int32), counts)
     row_start = np.zeros(n_rows + 1, np.int64)
@@ -135,12 +133,12 @@ def find_bonds(points, ids, n_rows, horizon):
         _search(points, n_rows, cells, radius2, reach, ids, row_start, neighbour, counts)
     inv_length = np.empty(row_start[-1])
     alive = np.zeros(row_start[-1] // LANES, np.uint8)
-    _finish_rows(points, horizon, row_start, counts, neighbour, inv_length, alive)
+    _finish_rows(points, radius, row_start, counts, neighbour, inv_length, alive)
     return BondArrays(row_start, neighbour, inv_length, alive), counts
 
 
-@exact_kernel
-def _finish_rows(points, horizon, row_start, counts, neighbour, inv_length, alive):
+@kernel
+def _finish_rows(points, radius, row_start, counts, neighbour, inv_length, alive):
     """Fill padding, inverse lengths and alive bits."""
     dim = points.shape[1]
     for i in range(len(counts)):
@@ -148,7 +146,7 @@ def _finish_rows(points, horizon, row_start, counts, neighbour, inv_length, aliv
         for k in range(first, row_start[i + 1]):
             if k - first >= counts[i]:
                 neighbour[k] = neighbour[first]
-                inv_length[k] = 1.0 / horizon
+                inv_length[k] = 1.0 / radius
                 continue
             j = neighbour[k]
             length2 = 0.0
@@ -158,7 +156,7 @@ def _finish_rows(points, horizon, row_start, counts, neighbour, inv_length, aliv
             alive[k >> 3] |= np.uint8(1 << (k & 7))
 
 
-@exact_kernel
+@kernel
 def mark_used(neighbour, n_points):
     """Return (n_points,) bool: which points occur as a neighbour."""
     used = np.zeros(n_points, np.bool_)
@@ -167,7 +165,7 @@ def mark_used(neighbour, n_points):
     return used
 
 
-@exact_kernel
+@kernel
 def renumber(neighbour, new_index):
     """Replace every local index in `neighbour` by `new_index` of it, in place."""
     for k in range(len(neighbour)):

@@ -6,7 +6,7 @@ from typing import NamedTuple, Optional
 import numpy as np
 
 from pdhpc.jit import inlined
-from pdhpc.materials.influence import CODES, influence, moment
+from pdhpc.materials.influence import CODES, CONSTANT, INVERSE_DISTANCE, moment
 
 POISSONS_RATIO = {"plane_stress": 1 / 3, "plane_strain": 1 / 4, "3d": 1 / 4}
 """Poisson's ratio that central forces of equal micromodulus in all directions impose."""
@@ -81,11 +81,20 @@ class Law(NamedTuple):
     influence: int
 
 
+def family_radius(horizon, spacing, volume_correction):
+    """Return the distance up to which particles are bonded, m: delta, or delta + h/2 (excluded) with the linear volume correction.
+
+    The relative slack of 1e-9 keeps lattice neighbours at exactly the limit in or out whatever round-off says.
+    """
+    return (horizon + spacing / 2) * (1 - 1e-9) if volume_correction == "linear" else horizon * (1 + 1e-9)
+
+
 def make_law(blocks, setting, spacing, volume_correction):
     """Return the Law of a list of blocks [(BondBased, may_fail)].
 
     A bond between two materials is two half-bonds in series: c = 2 c_i c_j / (c_i + c_j), s0 the smaller of the two; a bond with an end in a block that may
-    not fail never breaks. The linear volume correction (Parks et al. 2008) is beta = (delta + h/2 - r)/h in the last half spacing below delta.
+    not fail never breaks. The linear volume correction counts the share of a
+    neighbour's cell that lies within the horizon: beta falls from 1 at r = delta - h/2 to 0 at delta + h/2 (Hu, Ha & Bobaru 2010; Seleson & Littlewood 2016).
     """
     c = np.array([material.micromodulus(setting) for material, _ in blocks])
     limit = np.array([material.stretch_limit(setting) for material, _ in blocks])
@@ -98,20 +107,28 @@ def make_law(blocks, setting, spacing, volume_correction):
     return Law(pair_c, pair_limit, density, float(setting.horizon), float(ramp_end), float(slope), CODES[setting.influence])
 
 
+# The law, written once for floats and for vectors of eight bonds (kernels/simd.py).
+
+
 @inlined
 def bond_weight(inv_length, law):
-    """Return omega(r) beta(r) of a bond of length r = 1/inv_length."""
-    beta = min(1.0, (law.ramp_end - 1.0 / inv_length) * law.ramp_slope)
-    return influence(law.influence, inv_length, law.horizon) * beta
+    """Return omega(r) beta(r) / r, 1/m, of a bond of length r = 1/inv_length: omega = 1, delta/r or exp(-(r/delta)^2)."""
+    corrected = min(inv_length, (inv_length * law.ramp_end - 1.0) * law.ramp_slope)
+    if law.influence == CONSTANT:
+        return corrected
+    if law.influence == INVERSE_DISTANCE:
+        return corrected * (law.horizon * inv_length)
+    ratio = 1.0 / (law.horizon * inv_length)
+    return corrected * math.exp(0.0 - ratio * ratio)
 
 
 @inlined
 def pair_force(micromodulus, weight, stretch):
-    """Return the pair force density c omega beta s, N/m^6."""
+    """Return the pair force density per bond length, c omega beta s / r, N/m^7."""
     return micromodulus * weight * stretch
 
 
 @inlined
 def pair_energy(micromodulus, weight, stretch, inv_length):
     """Return the micropotential c omega beta s^2 r / 2, J/m^6."""
-    return 0.5 * micromodulus * weight * stretch * stretch / inv_length
+    return 0.5 * micromodulus * weight * stretch * stretch / (inv_length * inv_length)

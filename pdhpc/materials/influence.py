@@ -1,22 +1,9 @@
 """Influence functions omega(r) and the moments of them that calibrate bond-based materials."""
 import math
 
-from pdhpc.jit import inlined
-
 CONSTANT, INVERSE_DISTANCE, GAUSSIAN = 0, 1, 2
 CODES = {"constant": CONSTANT, "inverse_distance": INVERSE_DISTANCE, "gaussian": GAUSSIAN}
 FORMULAS = {"constant": "omega = 1", "inverse_distance": "omega = delta/r", "gaussian": "omega = exp(-(r/delta)^2)"}
-
-
-@inlined
-def influence(code, inv_length, horizon):
-    """Return omega at bond length 1/inv_length: 1, delta/r or exp(-(r/delta)^2)."""
-    if code == CONSTANT:
-        return 1.0
-    if code == INVERSE_DISTANCE:
-        return horizon * inv_length
-    ratio = 1.0 / (horizon * inv_length)
-    return math.exp(-ratio * ratio)
 
 
 def moment(name, power, horizon):

@@ -15,7 +15,7 @@ class Bonds:
     Attributes
     ----------
     arrays : BondArrays, full list: bonds across a rank border are held by both owners.
-    family_size : (n_owned,) int32, neighbours within the horizon before any crack.
+    family_size : (n_owned,) int32, neighbours within the family radius before any crack.
     initial_size : (n_owned,) int32, those left after the pre-cracks.
     """
 
@@ -43,7 +43,7 @@ class Bonds:
         return 1.0 - self.initial_size / np.maximum(self.family_size, 1) - (self.family_size == 0)
 
 
-def find_families(reference, ids, n_owned, horizon):
+def find_families(reference, ids, n_owned, radius):
     """Return (Bonds of the owned particles, keep): keep marks the points that are owned or somebody's neighbour. Local.
 
     The neighbours in the bonds are numbered after dropping the points that are not kept.
@@ -52,7 +52,7 @@ def find_families(reference, ids, n_owned, horizon):
     ------
     ValueError: two particles at the same place.
     """
-    arrays, sizes = find_bonds(reference, ids, n_owned, horizon)
+    arrays, sizes = find_bonds(reference, ids, n_owned, radius)
     if not np.all(np.isfinite(arrays.inv_length)):
         raise ValueError("two particles lie at the same place: bodies overlap")
     keep = mark_used(arrays.neighbour, len(ids))

@@ -13,7 +13,7 @@ class Particles:
     Attributes
     ----------
     id : (n_owned + n_ghost,) int64, global ids
-    reference : (n_owned + n_ghost, dim), m, positions in the unloaded body
+    reference : (n_owned + n_ghost, dim), m, positions in the unloaded body, a view of padded_reference (n_owned + n_ghost, width)
     position : (n_owned + n_ghost, width), m, current positions (finite kinematics) or displacements (linear); width 2 in 2D, 4 in 3D
     volume : (n_owned + n_ghost,), m^3
     block : (n_owned + n_ghost,) uint8, index of material and failure rule
@@ -27,6 +27,7 @@ class Particles:
     block: np.ndarray
     n_owned: int
     linear: bool
+    padded_reference: np.ndarray = field(init=False)
     position: np.ndarray = field(init=False)
     displacement: np.ndarray = field(init=False)
     velocity: np.ndarray = field(init=False)
@@ -35,9 +36,10 @@ class Particles:
 
     def __post_init__(self):
         n, dim = self.reference.shape
-        self.position = np.zeros((n, 2 if dim == 2 else 4))
-        if not self.linear:
-            self.position[:, :dim] = self.reference
+        self.padded_reference = np.zeros((n, 2 if dim == 2 else 4))
+        self.padded_reference[:, :dim] = self.reference
+        self.reference = self.padded_reference[:, :dim]
+        self.position = np.zeros_like(self.padded_reference) if self.linear else self.padded_reference.copy()
         self.displacement = np.zeros((self.n_owned, dim))
         self.velocity = np.zeros((self.n_owned, dim))
         self.force_density = np.zeros((self.n_owned, dim))

@@ -2,28 +2,28 @@
 import numpy as np
 
 from pdhpc.geometry.lattice import points_of_bodies
-from pdhpc.jit import exact_kernel
+from pdhpc.jit import kernel
 from pdhpc.kernels.cloud import MIXED, PointArrays
 from pdhpc.kernels.neighbours import count_neighbours
 from pdhpc.peridynamics.bonds import find_families
 from pdhpc.peridynamics.particles import Particles
 
-_MARGIN = 1e-6  # relative to the horizon: points this far outside still count as candidates for ghosts
+_MARGIN = 1e-6  # relative to the family radius: points this far outside still count as candidates for ghosts
 
 
 class Subdomain:
     """Particles, bonds and the owners of the ghosts of one rank.
 
-    Memory per particle at 122 neighbours in 3D: 12 bytes a bond slot (1536), bond states 16, particle arrays 172, so 1.7 kB; ghosts hold the constants and
-    positions only (73 bytes).
+    Memory per particle at 122 neighbours in 3D: 12 bytes a bond slot (1536), bond states 16, particle arrays 170, so 1.7 kB; ghosts hold the constants and
+    positions only (81 bytes).
     """
 
     def __init__(self, particles, bonds, ghost_owner):
         self.particles, self.bonds, self.ghost_owner = particles, bonds, ghost_owner
-        self.points = PointArrays(particles.reference, particles.position, particles.volume, particles.block, _row_blocks(particles, bonds))
+        self.points = PointArrays(particles.padded_reference, particles.position, particles.volume, particles.block, _row_blocks(particles, bonds))
 
 
-def sample_with_weights(bodies, bounds, rank, size, horizon):
+def sample_with_weights(bodies, bounds, rank, size, radius):
     """Return (points, weights) of the rank-th of `size` equal slabs of the bodies: what the partition is computed from. Local.
 
     The slabs cut the longest side of `bounds` (lower, upper), m; weights (n,) int64 are numbers of neighbours, at least 1.
@@ -33,43 +33,43 @@ def sample_with_weights(bodies, bounds, rank, size, horizon):
     edges = np.linspace(lower[axis], upper[axis], size + 1)
     edges[0], edges[-1] = -np.inf, np.inf
     low, high = np.full(len(lower), -np.inf), np.full(len(lower), np.inf)
-    reach = horizon * (1 + _MARGIN)
+    reach = radius * (1 + _MARGIN)
     low[axis], high[axis] = edges[rank] - reach, edges[rank + 1] + reach
     _, points, _ = points_of_bodies(bodies, low, high)
     inside = (points[:, axis] >= edges[rank]) & (points[:, axis] < edges[rank + 1])
     points = np.concatenate([points[inside], points[~inside]])
     n = int(inside.sum())
-    return points[:n], np.maximum(1, count_neighbours(points, n, horizon)).astype(np.int64)
+    return points[:n], np.maximum(1, count_neighbours(points, n, radius)).astype(np.int64)
 
 
-def make_subdomain(bodies, partition, rank, horizon, describe, linear):
+def make_subdomain(bodies, partition, rank, radius, describe, linear):
     """Return the Subdomain that `rank` owns. Local.
 
     Parameters
     ----------
-    bodies : list of LatticeBody. partition : Partition. horizon : m.
+    bodies : list of LatticeBody. partition : Partition. radius : m, of the families.
     describe : function (points, body index) -> (volume, block) of particles, m^3 and uint8. linear : bool, kinematics.
     """
     dim = len(bodies[0].cells)
     lower, upper = partition.box(rank, dim)
     ids, points, body = points_of_bodies(bodies, lower, upper)
-    ghost_ids, ghost_points, ghost_body, ghost_owner = _ghost_candidates(bodies, partition, rank, horizon, points)
+    ghost_ids, ghost_points, ghost_body, ghost_owner = _ghost_candidates(bodies, partition, rank, radius, points)
     n_owned = len(ids)
     ids, points, body = np.concatenate([ids, ghost_ids]), np.concatenate([points, ghost_points]), np.concatenate([body, ghost_body])
     del ghost_points, ghost_ids
-    bonds, keep = find_families(points, ids, n_owned, horizon)
+    bonds, keep = find_families(points, ids, n_owned, radius)
     ids, points, body, ghost_owner = ids[keep], points[keep], body[keep], ghost_owner[keep[n_owned:]]
     volume, block = describe(points, body)
     particles = Particles(ids, points, volume, block, n_owned, linear)
     return Subdomain(particles, bonds, ghost_owner)
 
 
-def _ghost_candidates(bodies, partition, rank, horizon, owned):
-    """Return (ids, points, bodies, owners) of the particles of other ranks in the box of the owned ones grown by a horizon, by (owner, id)."""
+def _ghost_candidates(bodies, partition, rank, radius, owned):
+    """Return (ids, points, bodies, owners) of the particles of other ranks in the box of the owned ones grown by the family radius, by (owner, id)."""
     dim = owned.shape[1]
     if len(owned) == 0 or partition.size == 1:
         return np.empty(0, np.int64), np.empty((0, dim)), np.empty(0, np.int32), np.empty(0, np.int64)
-    reach = horizon * (1 + _MARGIN)
+    reach = radius * (1 + _MARGIN)
     inner_lower, inner_upper = partition.box(rank, dim)
     lower = np.where(np.isfinite(inner_lower), owned.min(axis=0) - reach, -np.inf)
     upper = np.where(np.isfinite(inner_upper), owned.max(axis=0) + reach, np.inf)
@@ -106,7 +106,7 @@ def _row_blocks(particles, bonds):
     return row_block
 
 
-@exact_kernel
+@kernel
 def _mark_mixed(row_start, neighbour, volume, block, row_block):
     for i in range(len(row_block)):
         for k in range(row_start[i], row_start[i + 1]):

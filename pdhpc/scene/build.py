@@ -12,7 +12,7 @@ from pdhpc.geometry import cracks, shapes
 from pdhpc.geometry.faces import count_face
 from pdhpc.geometry.lattice import LatticeBody
 from pdhpc.peridynamics.critical_step import stable_step
-from pdhpc.materials.bond_based import BondBased, Law, Setting, make_law
+from pdhpc.materials.bond_based import BondBased, Law, Setting, family_radius, make_law
 from pdhpc.observers.crack_tip import CrackTip
 from pdhpc.observers.energies import Energies
 from pdhpc.observers.probes import Probe, nearest_particle
@@ -63,10 +63,10 @@ def build(scene, comm):
     SceneError, on every rank: a region, load, crack or probe that selects nothing, a step above the critical one, bodies that overlap.
     """
     body = make_body(scene)
-    horizon = scene.particles.horizon
+    radius = radius_of(scene)
     bounds = np.min([b.bounds()[0] for b in body.lattices], axis=0), np.max([b.bounds()[1] for b in body.lattices], axis=0)
     with agree_on_error(comm):
-        sample = sample_with_weights(body.lattices, bounds, comm.rank, comm.size, horizon)
+        sample = sample_with_weights(body.lattices, bounds, comm.rank, comm.size, radius)
     partition = bisect(comm, *sample)
     del sample
     linear = scene.particles.kinematics == "linear"
@@ -83,6 +83,11 @@ def build(scene, comm):
     critical = min(comm.allgather(stable_step(subdomain.points, subdomain.bonds.arrays, body.law)))
     dt, n_steps, warnings = choose_step(scene, critical)
     return Problem(scene, body, subdomain, exchange, conditions, critical, dt, n_steps, warnings)
+
+
+def radius_of(scene):
+    """Return the radius of the families of a scene, m."""
+    return family_radius(scene.particles.horizon, scene.particles.spacing, scene.particles.volume_correction)
 
 
 def make_body(scene):
@@ -141,7 +146,7 @@ def choose_step(scene, critical):
 def _make_share(scene, body, partition, rank, linear):
     """Return this rank's Subdomain; bodies whose particles coincide become a SceneError. Local."""
     try:
-        return make_subdomain(body.lattices, partition, rank, scene.particles.horizon, lambda points, number: _describe(scene, body, points, number), linear)
+        return make_subdomain(body.lattices, partition, rank, radius_of(scene), lambda points, number: _describe(scene, body, points, number), linear)
     except ValueError as error:
         raise scene.error("body", str(error), "bodies that do not overlap") from error
 

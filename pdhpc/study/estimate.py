@@ -10,11 +10,11 @@ from pdhpc.kernels.cloud import bond_forces
 from pdhpc.kernels.neighbours import LANES
 from pdhpc.materials.bond_based import CRITICAL_STRETCH_FORMULA, Setting
 from pdhpc.parallel.comm import world
-from pdhpc.scene.build import build, choose_step, make_body, make_gauges, select
+from pdhpc.scene.build import build, choose_step, make_body, make_gauges, radius_of, select
 from pdhpc.warm_up import block
 
 _BYTES_PER_SLOT = 12.125  # neighbour, inverse length, bond state
-_BYTES_PER_PARTICLE = {2: 120, 3: 172}
+_BYTES_PER_PARTICLE = {2: 114, 3: 170}
 _SMALL = 1.2e7  # directed bonds up to which the body is built
 _SLAB_POINTS = 1 << 20
 
@@ -42,7 +42,7 @@ def estimate(scene, ranks=None):
     comm = world()
     ranks = ranks or comm.size
     body = make_body(scene)
-    ratio = scene.particles.horizon / scene.particles.spacing
+    ratio = radius_of(scene) / scene.particles.spacing
     family = _family_size(scene.dim, ratio)
     cells = sum(int(np.prod(lattice.cells, dtype=object)) for lattice in body.lattices)
     exact = cells * family <= _SMALL
@@ -104,16 +104,16 @@ def _slabs(lattice):
 
 def _family_size(dim, ratio):
     """Return the number of lattice points within `ratio` spacings of one of them."""
-    reach = int(ratio + 1e-9)
+    reach = int(ratio)
     axes = np.meshgrid(*[np.arange(-reach, reach + 1)] * dim, indexing="ij")
-    return int((sum(axis.astype(float) ** 2 for axis in axes) <= (ratio * (1 + 1e-9)) ** 2).sum()) - 1
+    return int((sum(axis.astype(float) ** 2 for axis in axes) <= ratio**2).sum()) - 1
 
 
 def _family_step(scene, body, ratio):
     """Return the critical step of a whole lattice family in the stiffest, lightest block."""
     from pdhpc.peridynamics.critical_step import stable_step
 
-    cells = 2 * int(ratio + 1e-9) + 1
+    cells = 2 * int(ratio) + 1
     sub, _ = block(scene.dim, cells, ratio)
     scale = scene.particles.spacing / 1e-3
     particles = sub.particles

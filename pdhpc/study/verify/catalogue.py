@@ -1,0 +1,45 @@
+"""All verification cases, and the table that `pdhpc verify` prints."""
+import difflib
+import time
+
+from pdhpc.scene.schema import SceneError
+from pdhpc.study.verify import branching, dynamics, elasticity, fracture  # noqa: F401  (they register their cases)
+from pdhpc.study.verify.case import CASES
+
+
+def main(names, only_list):
+    """Run the named cases (all without names) and print their verdicts; return the exit code: 1 when a check fails."""
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console()
+    console = console if console.is_terminal else Console(width=200)
+    chosen = _choose(names)
+    if only_list:
+        for each in chosen:
+            print(f"{each.name:26s} {each.meaning}")
+        return 0
+    table = Table("case", "check", "measured", "expected", "tolerance", "source", "verdict", box=None, padding=(0, 1, 0, 0))
+    failed = total = 0
+    for each in chosen:
+        started = time.perf_counter()
+        for check in each.function():
+            total, failed = total + 1, failed + (not check.passed)
+            tolerance = f"{check.tolerance:g}" + (" rel" if check.relative and check.expected != 0 and check.tolerance else "")
+            verdict = "[green]pass[/]" if check.passed else "[bold red]FAIL[/]"
+            table.add_row(each.name, check.what.replace("[", r"\["), f"{check.measured:.12g}", f"{check.expected:.12g}", tolerance, check.source, verdict)
+        if console.is_terminal:
+            console.print(f"{each.name}: {time.perf_counter() - started:.1f} s")
+    console.print(table)
+    console.print(f"{total - failed} of {total} checks passed")
+    return 1 if failed else 0
+
+
+def _choose(names):
+    """Return the cases of the given names; a SceneError names the nearest valid one."""
+    for name in names:
+        if name not in CASES:
+            near = difflib.get_close_matches(name, CASES, n=1, cutoff=0.4)
+            hint = f' (did you mean "{near[0]}"?)' if near else ""
+            raise SceneError(f"pdhpc verify: {name} is no check; allowed is {', '.join(CASES)}{hint}")
+    return [CASES[name] for name in names or CASES]
