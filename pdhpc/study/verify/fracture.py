@@ -2,10 +2,6 @@
 import itertools
 import json
 import math
-import os
-import shutil
-import subprocess
-import sys
 import tempfile
 from pathlib import Path
 
@@ -14,6 +10,7 @@ import numpy as np
 from pdhpc.output.fields import read_frame, read_points
 from pdhpc.output.history import read_history
 from pdhpc.study.verify.case import Check, at_most, case, plate, problem_of
+from pdhpc.study.verify.launch import launch
 
 
 def _crossing_energy(dim, ratio, stretch, micromodulus):
@@ -121,29 +118,6 @@ quantity = "reaction"
 [[tip]]
 name = "crack"
 """
-
-
-def launch(ranks, words, folder):
-    """Run `python -m pdhpc words` on some ranks and return the finished process: srun inside a Slurm allocation, else mpirun."""
-    program = [sys.executable, "-m", "mpi4py", "-m", "pdhpc", *words]
-    environment = {key: value for key, value in os.environ.items() if not key.startswith(("OMPI_COMM", "OMPI_MCA_ess", "OMPI_MCA_orte", "PMIX", "PMI_"))}
-    environment["OMP_NUM_THREADS"] = "1"
-    environment["PYTHONPATH"] = os.pathsep.join([str(Path(__file__).resolve().parents[3]), *filter(None, [environment.get("PYTHONPATH")])])
-    if "SLURM_JOB_ID" in environment and shutil.which("srun"):
-        command = ["srun", "-n", str(ranks), "--overcommit", *program]
-    else:
-        command = ["mpirun", "-n", str(ranks), *_mpirun_flags(ranks, environment), *program]
-    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=600)
-
-
-def _mpirun_flags(ranks, environment):
-    """Return what Open MPI wants to be told; other MPIs take no flags."""
-    version = subprocess.run(["mpirun", "--version"], capture_output=True, text=True, timeout=60).stdout
-    if "Open MPI" not in version:
-        return []
-    if hasattr(os, "geteuid") and os.geteuid() == 0:
-        environment.update(OMPI_ALLOW_RUN_AS_ROOT="1", OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="1")
-    return ["--oversubscribe"] if ranks > (os.cpu_count() or 1) else []
 
 
 @case

@@ -1,0 +1,100 @@
+"""The house: imports go down only, MPI and PETSc stay where they belong, every module has its test."""
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+PACKAGE = ROOT / "pdhpc"
+
+LAYERS = [  # from the ground up; what stands in one set must not import from another member of it
+    {"__init__"},
+    {"jit", "parallel"},
+    {"materials", "geometry", "conditions", "output"},
+    {"kernels"},
+    {"peridynamics"},
+    {"run"},
+    {"observers"},
+    {"scene"},
+    {"warm_up"},
+    {"simulation"},
+    {"study"},
+    {"report"},
+    {"cli"},
+    {"__main__"},
+]
+MAY_IMPORT_MPI = {"parallel", "output", "run", "cli", "simulation", "study"}
+MODULES = sorted(PACKAGE.rglob("*.py"))
+
+
+def part_of(path):
+    """The folder below pdhpc that a module stands in, or its own name."""
+    relative = path.relative_to(PACKAGE)
+    return relative.parts[0] if len(relative.parts) > 1 else relative.stem
+
+
+def level(part):
+    return next(number for number, layer in enumerate(LAYERS) if part in layer)
+
+
+def imports(path):
+    """Yield the full names of all modules that a file imports, inside functions too."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield node.module
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+
+
+def parts_imported(path):
+    found = set()
+    for name in imports(path):
+        words = name.split(".")
+        if words[0] == "pdhpc" and len(words) > 1:
+            found.add(words[1] if words[1] != "__version__" else "__init__")
+    return found - {part_of(path)}
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: path.relative_to(PACKAGE).as_posix())
+def test_imports_go_down(path):
+    mine = level(part_of(path))
+    upward = {part for part in parts_imported(path) if level(part) >= mine}
+    assert not upward, f"{path.name} imports {upward}, which does not stand below it"
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: path.relative_to(PACKAGE).as_posix())
+def test_mpi_only_where_it_belongs(path):
+    uses = {name.split(".")[0] for name in imports(path)} & {"mpi4py", "petsc4py"}
+    assert not uses or part_of(path) in MAY_IMPORT_MPI, f"{path.name} imports {uses}"
+
+
+def test_the_check_sees_an_upward_import(tmp_path):
+    bad = PACKAGE / "kernels" / "imaginary.py"
+    names = {name for name in imports_of_text("from pdhpc.scene.read import read_scene")}
+    assert level("scene") > level(part_of(bad)) and "pdhpc.scene.read" in names
+
+
+def imports_of_text(text):
+    return {node.module for node in ast.walk(ast.parse(text)) if isinstance(node, ast.ImportFrom)}
+
+
+TESTED_HERE = [path for path in MODULES if path.name not in ("__init__.py", "__main__.py") and "verify" not in path.parts]  # those: tests/physics
+
+
+@pytest.mark.parametrize("path", TESTED_HERE, ids=lambda path: path.relative_to(PACKAGE).as_posix())
+def test_every_module_has_its_test(path):
+    relative = path.relative_to(PACKAGE)
+    twin = ROOT / "tests" / "unit" / relative.parent / f"test_{relative.name}"
+    assert twin.exists(), f"{relative} has no {twin.relative_to(ROOT)}"
+
+
+def test_public_functions_have_docstrings():
+    bare = []
+    for path in MODULES:
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, (ast.FunctionDef, ast.ClassDef)) and not node.name.startswith("_") and not ast.get_docstring(node):
+                bare.append(f"{path.relative_to(PACKAGE)}:{node.lineno} {node.name}")
+    nested = [each for each in bare if each.split()[-1] in ("lower", "transposed", "rank", "tag", "abort", "restore", "final")]
+    assert len(MODULES) > 40, "the walk found the package"
+    assert set(bare) <= set(nested)

@@ -1,0 +1,105 @@
+import math
+
+import numpy as np
+import pytest
+
+from pdhpc.jit import kernel
+from pdhpc.kernels import simd
+from pdhpc.kernels.simd import any_of, fma, gather_xy, gather_xyz, lane_mask, lane_sum, larger, load8, select, splat, sqrt8, store8
+
+A = np.array([1.5, -2.0, 3.25, 0.0, 1e-300, 7.0, -0.5, 4.0])
+B = np.array([0.5, 2.0, -1.0, 3.0, 1e300, 7.0, 0.25, -8.0])
+
+
+@kernel
+def _arithmetic(a, b, s, out):
+    x, y = load8(a, 0), load8(b, 0)
+    store8(out[0], 0, x + y)
+    store8(out[1], 0, x - y)
+    store8(out[2], 0, x * y)
+    store8(out[3], 0, x / y)
+    store8(out[4], 0, s * x + 1.0)
+    store8(out[5], 0, min(x, y))
+    store8(out[6], 0, larger(x, y))
+    store8(out[7], 0, sqrt8(x * x))
+    store8(out[8], 0, fma(x, y, splat(s)))
+    store8(out[9], 0, math.exp(x * 0.1))
+    store8(out[10], 0, min(s, x))
+
+
+def test_arithmetic_is_that_of_numpy():
+    out = np.zeros((11, 8))
+    _arithmetic(A, B, 2.0, out)
+    expected = [A + B, A - B, A * B, A / B, 2.0 * A + 1.0, np.minimum(A, B), np.maximum(A, B), np.sqrt(A * A)]
+    for row, values in zip(out, expected):
+        assert np.array_equal(row, values)
+    assert np.allclose(out[8], A * B + 2.0, rtol=1e-15)
+    assert np.allclose(out[9], np.exp(0.1 * A), rtol=1e-15)
+    assert np.array_equal(out[10], np.minimum(2.0, A))
+
+
+@kernel
+def _fused(a, b, c):
+    return lane_sum(fma(splat(a), splat(b), splat(c))) / 8.0, fma(a, b, c)
+
+
+def test_fma_rounds_once_for_vectors_and_floats():
+    a = 1.0 + 2.0**-30
+    vector, scalar = _fused(a, a, -1.0)  # a*a = 1 + 2^-29 + 2^-60, whose last bit a rounded product loses
+    assert vector == scalar == 2.0**-29 + 2.0**-60
+    assert a * a - 1.0 != scalar
+
+
+@kernel
+def _masks(a, byte, limit, out):
+    x = load8(a, 0)
+    store8(out, 0, select(lane_mask(byte), x, splat(-1.0)))
+    return any_of(x > limit)
+
+
+def test_masks_and_comparison():
+    out = np.zeros(8)
+    assert _masks(A, np.uint8(0b10100110), 6.9, out)
+    bits = [(0b10100110 >> lane) & 1 for lane in range(8)]
+    assert np.array_equal(out, np.where(bits, A, -1.0))
+    assert not _masks(A, np.uint8(0), 7.0, out)
+    assert not _masks(np.full(8, np.nan), np.uint8(0), 0.0, out)  # NaN is not larger than anything
+
+
+@kernel
+def _sum(a):
+    return lane_sum(load8(a, 0))
+
+
+def test_lane_sum_has_a_fixed_order():
+    a = A.copy()
+    assert _sum(a) == ((a[0] + a[4]) + (a[2] + a[6])) + ((a[1] + a[5]) + (a[3] + a[7]))
+
+
+@kernel
+def _gather2(table, neighbour, k, out):
+    x, y = gather_xy(table, neighbour, k)
+    store8(out[0], 0, x)
+    store8(out[1], 0, y)
+
+
+@kernel
+def _gather3(table, neighbour, k, out):
+    x, y, z = gather_xyz(table, neighbour, k)
+    store8(out[0], 0, x)
+    store8(out[1], 0, y)
+    store8(out[2], 0, z)
+
+
+@pytest.mark.parametrize("width, gather", [(2, _gather2), (4, _gather3)])
+def test_gather_takes_rows_apart(width, gather):
+    table = np.random.default_rng(0).random((40, width))
+    neighbour = np.random.default_rng(1).integers(0, 40, 24).astype(np.int32)
+    out = np.zeros((3, 8))
+    gather(table, neighbour, 8, out)
+    axes = min(width, 3)
+    assert np.array_equal(out[:axes], table[neighbour[8:16], :axes].T)
+
+
+def test_eight_lanes():
+    assert simd.LANES == 8

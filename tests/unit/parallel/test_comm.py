@@ -1,0 +1,34 @@
+import math
+
+import numpy as np
+import pytest
+
+from pdhpc.parallel.comm import agree_on_error, exact_sum, on_root
+
+
+def test_exact_sum_agrees_with_fsum_in_any_order(comm):
+    random = np.random.default_rng(1)
+    values = random.standard_normal(10_000) * 10.0 ** random.integers(-12, 12, 10_000)
+    total = exact_sum(comm, values)
+    assert total == pytest.approx(math.fsum(values), rel=1e-14)
+    assert exact_sum(comm, random.permutation(values)) == total
+    assert float(np.sum(values)) != float(np.sum(np.sort(values)))  # what a plain sum does
+
+
+def test_exact_sum_of_awkward_values(comm):
+    assert exact_sum(comm, np.empty(0)) == 0.0
+    assert exact_sum(comm, np.zeros(5)) == 0.0
+    assert exact_sum(comm, np.array([1e300, 1e300, -1e300])) == 1e300
+    assert exact_sum(comm, np.array([3e-310, 1e-310])) == pytest.approx(4e-310)
+    assert exact_sum(comm, np.array([1.0, 2.0**-60, -1.0])) == 2.0**-60
+    assert math.isnan(exact_sum(comm, np.array([1.0, np.nan])))
+    assert math.isnan(exact_sum(comm, np.array([1.0, np.inf])))
+
+
+def test_errors_pass_through(comm):
+    with pytest.raises(KeyError):
+        with agree_on_error(comm):
+            raise KeyError("x")
+    with pytest.raises(ZeroDivisionError):
+        on_root(comm, lambda: 1 / 0)
+    assert on_root(comm, max, 2, 3) == 3

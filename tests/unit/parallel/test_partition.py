@@ -1,0 +1,55 @@
+import numpy as np
+
+from pdhpc.parallel.partition import Partition, bisect
+
+
+def test_owner_and_box_of_a_hand_made_tree():
+    # root cuts x at 1; left child is rank 0, right child cuts y at 5 into ranks 1 and 2
+    tree = Partition(np.array([0, 1]), np.array([1.0, 5.0]), np.array([[-1, 1], [-2, -3]]), 3)
+    points = np.array([[0.5, 9.0], [1.0, 4.0], [2.0, 5.0]])
+    assert tree.owner(points).tolist() == [0, 1, 2]
+    assert tree.box(1, 2)[0].tolist() == [1.0, -np.inf] and tree.box(1, 2)[1].tolist() == [np.inf, 5.0]
+
+
+def test_one_rank_owns_everything(comm):
+    tree = bisect(comm, np.random.default_rng(0).random((10, 3)), np.ones(10, int))
+    assert set(tree.owner(np.random.default_rng(1).random((5, 3)))) == {0}
+
+
+class Pretend:
+    """A communicator of one process that says it has many ranks: the cuts only need sums."""
+
+    rank = 0
+
+    def __init__(self, size):
+        self.size = size
+
+    def Allreduce(self, in_place, array, op):
+        pass
+
+
+def test_weights_are_shared_evenly_for_any_number_of_ranks():
+    random = np.random.default_rng(3)
+    points, weights = random.random((20_000, 3)) * [3.0, 2.0, 1.0], random.integers(1, 100, 20_000)
+    for size in (2, 3, 5, 16, 37):
+        tree = bisect(Pretend(size), points, weights)
+        share = np.bincount(tree.owner(points), weights=weights, minlength=size)
+        assert len(share) == size
+        assert share.max() / share.mean() < 1.03
+        for rank in range(size):
+            lower, upper = tree.box(rank, 3)
+            inside = np.all((points >= lower) & (points < upper), axis=1)
+            assert np.array_equal(inside, tree.owner(points) == rank)
+
+
+def test_lattice_planes_stay_whole():
+    x, y = np.meshgrid(np.arange(50) + 0.5, np.arange(10) + 0.5, indexing="ij")
+    points = np.stack([x.ravel(), y.ravel()], axis=1)
+    owner = bisect(Pretend(4), points, np.ones(500, int)).owner(points).reshape(50, 10)
+    assert np.all(owner == owner[:, :1])
+
+
+def test_more_ranks_than_points():
+    points = np.array([[0.0, 0.0], [1.0, 0.0]])
+    owner = bisect(Pretend(5), points, np.ones(2, int)).owner(points)
+    assert len(set(owner)) == 2
