@@ -83,7 +83,6 @@ def _is_root():
 
 
 def _run(options):
-    _insert_petsc_options(options.petsc_options)
     from pdhpc.output.record import check_directory
     from pdhpc.parallel.comm import on_root, world
     from pdhpc.simulation import Simulation, read_on_root
@@ -92,6 +91,8 @@ def _run(options):
     scene = read_on_root(options.scene, options.overrides, comm)
     on_root(comm, check_directory, options.output, options.overwrite)
     simulation = Simulation(scene, comm)
+    if options.petsc_options:
+        simulation.warnings.append(f"no PETSc solver takes part in this scene: unused are the options {' '.join(options.petsc_options)}")
     record = simulation.run(options.output, options.overwrite, options.quiet)
     if comm.rank == 0:
         _finish_on_root(scene, record, options)
@@ -123,14 +124,6 @@ def _curve_columns(scene, directory):
     return [(curve.name, full[curve.x], full[curve.y]) for curve in scene.curve]
 
 
-def _insert_petsc_options(words):
-    """Hand the words after "--" to PETSc before anything initialises it."""
-    if words:
-        import petsc4py
-
-        petsc4py.init([sys.argv[0], *words])
-
-
 def _check(options):
     from pdhpc.scene import explain
 
@@ -145,6 +138,8 @@ def _check(options):
         raise SceneError("pdhpc check: no scene given; allowed is a scene file (or --schema)")
     from pdhpc import report
 
+    if options.ranks is not None and options.ranks < 1:
+        raise SceneError(f"pdhpc check: --ranks = {options.ranks}; allowed is a whole number of at least 1")
     scene = read_scene(options.scene, options.overrides)
     if options.explain:
         report.print_explanation(explain.explain(scene))

@@ -44,7 +44,7 @@ def print_rows(rows, title=None):
     table = Table(show_header=False, box=None, title=title, title_justify="left", padding=(0, 2, 0, 0))
     for name, value in rows:
         table.add_row(name, value)
-    Console(soft_wrap=True).print(table)
+    _console().print(table)
 
 
 def print_explanation(rows):
@@ -52,8 +52,13 @@ def print_explanation(rows):
     table = Table("key", "value", "", "unit", "meaning", "source", box=None, padding=(0, 1, 0, 0))
     for row in rows:
         table.add_row(*(str(cell).replace("[", r"\[") for cell in row))
+    _console().print(table)
+
+
+def _console():
+    """Return a console as wide as the terminal, or wide enough for a line per row in a file."""
     console = Console()
-    (console if console.is_terminal else Console(width=220)).print(table)
+    return console if console.is_terminal else Console(width=240)
 
 
 def print_check(scene, ranks):

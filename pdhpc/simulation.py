@@ -51,7 +51,7 @@ class Simulation:
         """Read a scene on rank 0 and build it. Collective."""
         return cls(read_on_root(path, overrides, world() if comm is None else comm), comm)
 
-    def run(self, directory=None, overwrite=False, quiet=False, options=()):
+    def run(self, directory=None, overwrite=False, quiet=False):
         """Run to the end; with a directory write fields, history and run.json there. Collective.
 
         Returns

@@ -77,6 +77,8 @@ def build(scene, comm):
     exchange = GhostExchange(comm, owned_ids, ghost_ids, subdomain.ghost_owner)
     if comm.allreduce(particles.n_owned) == 0:
         raise scene.error("body", "no particle", "a body that is not wholly a hole")
+    for name in scene.damage.no_fail:
+        _selected(scene, body, subdomain, comm, name, "damage.no_fail")
     _cut_cracks(scene, subdomain, comm)
     conditions = _make_conditions(scene, body, subdomain, comm)
     _set_initial_state(scene, body, subdomain, comm)

@@ -70,6 +70,8 @@ def _check_particles(scene):
 def _check_materials(scene):
     _named(scene.material, "material")
     used = {body.material for body in scene.body}
+    for number, body in enumerate(scene.body):
+        _reference(section("body", number, body), "material", body.material, [material.name for material in scene.material], "material")
     for number, material in enumerate(scene.material):
         where = section("material", number, material)
         expected = POISSONS_RATIO[scene.dimension]
@@ -84,11 +86,9 @@ def _check_materials(scene):
 
 def _check_bodies(scene):
     _named(scene.body, "body")
-    names = [material.name for material in scene.material]
     spacing, boxes, cells = scene.particles.spacing, [], 0
     for number, body in enumerate(scene.body):
         where = section("body", number, body)
-        _reference(where, "material", body.material, names, "material")
         _within(where, body.check, scene.dim)
         lower, upper = body.bounding_box()
         sides = [high - low for low, high in zip(lower, upper)]

@@ -1,0 +1,27 @@
+from types import SimpleNamespace
+
+from pdhpc.observers.output import HistoryOutput, columns, steps_of
+
+
+def test_steps_nearest_to_times():
+    assert steps_of([0.1, 0.24, 0.26, 1.0, 9.0], 0.1, 10) == [1, 2, 3, 10]
+    assert steps_of([1e-9], 0.1, 10) == [1]
+
+
+class Gauge:
+    columns = ("a [m]", "b [s]")
+
+    def read(self, stepper):
+        return [stepper.step * 10, -1]
+
+
+def test_rows_of_all_gauges_once_each():
+    rows = []
+    output = HistoryOutput(SimpleNamespace(append=rows.append), [Gauge()], [2])
+    assert columns([Gauge()]) == ["time [s]", "step", "a [m]", "b [s]"]
+    output.start(SimpleNamespace(step=0, time=0.0))
+    output.observe(SimpleNamespace(step=2, time=0.2))
+    output.finish(SimpleNamespace(step=2, time=0.2))
+    assert [row["step"] for row in rows] == [0, 2] and rows[1] == {"time [s]": 0.2, "step": 2, "a [m]": 20, "b [s]": -1}
+    output.finish(SimpleNamespace(step=3, time=0.3))
+    assert rows[-1]["step"] == 3

@@ -1,0 +1,103 @@
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import h5py
+import numpy as np
+import pytest
+
+from pdhpc.output import fields
+from pdhpc.output.fields import FieldWriter, frame_times, read_frame, read_points
+from pdhpc.output.record import OutputError
+
+
+def write(directory, comm, dim=2, frames=3, n=5):
+    writer = FieldWriter(comm, directory, {"version": "1", "scene": {"a": 1}, "ranks": 1})
+    x = np.random.default_rng(0).random((n, dim))
+    writer.write_points(np.arange(n) * 10, x, np.full(n, 0.5), np.zeros(n, np.uint8))
+    for number in range(frames):
+        writer.write_frame(number * 7, number * 0.5, {"displacement": x + number, "damage": x[:, 0] * number, "stress": np.ones((n, dim, dim)) * number})
+    return x
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_round_trip(tmp_path, comm, dim):
+    x = write(tmp_path, comm, dim)
+    points = read_points(tmp_path)
+    assert np.array_equal(points["position"], x) and points["id"].tolist() == [0, 10, 20, 30, 40]
+    assert [(step, time) for _, step, time in frame_times(tmp_path)] == [(0, 0.0), (7, 0.5), (14, 1.0)]
+    time_, step, data = read_frame(tmp_path)
+    assert (time_, step) == (1.0, 14)
+    assert np.array_equal(data["displacement"][:, :dim], x + 2) and data["displacement"].shape == (5, 3)
+    assert data["stress"].shape == (5, 9) and data["stress"].sum() == 5 * dim * dim * 2
+    with h5py.File(tmp_path / "fields.h5") as file:
+        assert file.attrs["scene"] == '{"a": 1}' and file["frames/000007/damage"].shape == (5,) and file["points/id"][1] == 10
+
+
+def test_meshio_reads_every_frame(tmp_path, comm, monkeypatch):
+    import meshio
+
+    x = write(tmp_path, comm, 3)
+    monkeypatch.chdir(tmp_path)
+    with meshio.xdmf.TimeSeriesReader("fields.xdmf") as reader:
+        points, cells = reader.read_points_cells()
+        assert np.array_equal(points, x) and cells[0].type == "vertex" and len(cells[0].data) == 5
+        assert reader.num_steps == 3
+        time_, point_data, _ = reader.read_data(2)
+        assert time_ == 1.0 and np.array_equal(point_data["displacement"], x + 2)
+
+
+def test_an_unfinished_frame_is_not_seen(tmp_path, comm, monkeypatch):
+    writer = FieldWriter(comm, tmp_path, {})
+    writer.write_points(np.arange(2), np.zeros((2, 2)), np.ones(2), np.zeros(2))
+    writer.write_frame(1, 0.1, {"damage": np.zeros(2)})
+
+    def killed(part, path):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(fields, "_publish", killed)
+    with pytest.raises(KeyboardInterrupt):
+        writer.write_frame(2, 0.2, {"damage": np.ones(2)})
+    assert [step for _, step, _ in frame_times(tmp_path)] == [1] and read_frame(tmp_path)[2]["damage"].tolist() == [0.0, 0.0]
+
+
+def test_a_removed_folder_is_an_output_error(tmp_path, comm):
+    import shutil
+
+    writer = FieldWriter(comm, tmp_path / "out", {})
+    writer.write_points(np.arange(2), np.zeros((2, 2)), np.ones(2), np.zeros(2))
+    shutil.rmtree(tmp_path / "out")
+    with pytest.raises(OutputError, match="cannot be written"):
+        writer.write_frame(1, 0.1, {"damage": np.zeros(2)})
+
+
+WRITER = """
+import sys
+import numpy as np
+from mpi4py import MPI
+from pdhpc.output.fields import FieldWriter
+writer = FieldWriter(MPI.COMM_SELF, sys.argv[1], {})
+n = 20000
+writer.write_points(np.arange(n), np.zeros((n, 3)), np.ones(n), np.zeros(n))
+print("ready", flush=True)
+for step in range(1, 100000):
+    writer.write_frame(step, step * 1.0, {"displacement": np.full((n, 3), float(step))})
+"""
+
+
+def test_killed_at_any_moment_all_finished_frames_are_readable(tmp_path):
+    random = np.random.default_rng(0)
+    for attempt in range(6):
+        folder = tmp_path / str(attempt)
+        child = subprocess.Popen([sys.executable, "-c", WRITER, str(folder)], stdout=subprocess.PIPE)
+        child.stdout.readline()
+        time.sleep(0.1 + 0.2 * random.random())
+        os.kill(child.pid, signal.SIGKILL)
+        child.wait()
+        if not (folder / "fields.h5").exists():
+            continue  # killed before the first frame was complete
+        for index, (name, step, time_) in enumerate(frame_times(folder)):
+            assert np.all(read_frame(folder, index)[2]["displacement"] == step)
+    assert index >= 0

@@ -1,0 +1,60 @@
+import json
+import os
+
+import numpy as np
+import pytest
+
+from pdhpc.output.record import OutputError, check_directory, claim_directory, write_json, write_text
+
+
+def test_json_of_numpy_and_of_what_json_cannot_say(tmp_path):
+    write_json(tmp_path / "a.json", {"n": np.int64(3), "x": np.float64(0.5), "v": np.arange(2), "nan": float("nan"), "inf": np.inf, "t": (1, tmp_path)})
+    assert json.loads((tmp_path / "a.json").read_text()) == {"n": 3, "x": 0.5, "v": [0, 1], "nan": None, "inf": "inf", "t": [1, str(tmp_path)]}
+
+
+def test_a_failed_write_leaves_the_old_file(tmp_path, monkeypatch):
+    write_text(tmp_path / "a", "old")
+
+    def fail(*arguments):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "replace", fail)
+    with pytest.raises(OutputError, match="No space left"):
+        write_text(tmp_path / "a", "new")
+    assert (tmp_path / "a").read_text() == "old"
+
+
+def test_a_new_folder_is_made_with_its_parents(tmp_path):
+    claim_directory(tmp_path / "a" / "b", False)
+    assert (tmp_path / "a" / "b").is_dir()
+
+
+@pytest.mark.parametrize("name", ["run.json", "history.csv", "fields.h5"])
+def test_another_run_is_refused(tmp_path, name):
+    (tmp_path / name).write_text("x")
+    with pytest.raises(OutputError, match="holds another run") as caught:
+        claim_directory(tmp_path, False)
+    assert caught.value.exit_code == 2 and (tmp_path / name).read_text() == "x"
+
+
+def test_overwriting_removes_what_a_run_wrote_and_nothing_else(tmp_path):
+    (tmp_path / "fields").mkdir()
+    for name in ("run.json", "history.csv", "fields.h5", "fields.xdmf", "damage.png", "notes.txt", "photo.png", "fields/frame_000001.h5", "fields/mine.txt"):
+        (tmp_path / name).write_text("x")
+    claim_directory(tmp_path, True)
+    left = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*")}
+    assert left == {"notes.txt", "photo.png", "fields", "fields/mine.txt"}
+
+
+def test_files_in_the_way(tmp_path):
+    (tmp_path / "file").write_text("x")
+    for path in (tmp_path / "file", tmp_path / "file" / "below"):
+        with pytest.raises(OutputError, match="is a file"):
+            check_directory(path, True)
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_a_read_only_folder(tmp_path):
+    tmp_path.chmod(0o500)
+    with pytest.raises(OutputError, match="not writable"):
+        check_directory(tmp_path / "out", False)

@@ -1,0 +1,42 @@
+import numpy as np
+import pytest
+
+from pdhpc.scene.read import parse_scene
+from pdhpc.scene.schema import SceneError
+from pdhpc.study import estimate as module
+from pdhpc.study.estimate import _family_size, estimate
+from pdhpc.study.verify.case import plate, problem_of
+
+NO_FAIL = '[[region]]\nname = "part"\nshape = "half_space"\npoint = [{x}, 0.0]\nnormal = [1.0, 0.0]\n[damage]\nno_fail = ["part"]\n'
+
+
+def test_family_sizes_of_known_lattices():
+    assert _family_size(3, 3.0 + 1e-9) == 122 and _family_size(2, 3.0 + 1e-9) == 28 and _family_size(2, 1.5) == 8
+
+
+def test_a_small_scene_is_counted():
+    text = plate((30, 20))
+    found, problem = estimate(parse_scene(text, "t"), 3), problem_of(text)
+    assert found.exact and found.particles == 600 and found.bonds == problem.subdomain.bonds.n_directed // 2
+    assert found.critical_dt == problem.critical_dt and found.steps == problem.n_steps and found.ranks == 3
+    assert found.rate > 1e5 and 0 < found.memory < 1e6
+
+
+@pytest.mark.parametrize("dimension, cells", [("plane_stress", (60, 50)), ("3d", (16, 15, 14))])
+def test_a_large_scene_is_estimated_close_to_what_it_is(monkeypatch, dimension, cells):
+    scene = parse_scene(plate(cells, dimension=dimension), "t")
+    exact = estimate(scene)
+    monkeypatch.setattr(module, "_SMALL", 0)
+    monkeypatch.setattr(module, "_SLAB_POINTS", 500)
+    rough = estimate(scene)
+    assert not rough.exact and rough.particles == exact.particles == int(np.prod(cells))
+    assert exact.bonds < rough.bonds < 1.4 * exact.bonds
+    assert rough.critical_dt == pytest.approx(exact.critical_dt, rel=0.02)
+
+
+@pytest.mark.parametrize("small", [1e9, 0])
+def test_a_region_without_particles_is_found_either_way(monkeypatch, small):
+    monkeypatch.setattr(module, "_SMALL", small)
+    assert estimate(parse_scene(plate((30, 20), extra=NO_FAIL.format(x=0.0)), "t")).particles == 600
+    with pytest.raises(SceneError, match='"part", which selects no particle'):
+        estimate(parse_scene(plate((30, 20), extra=NO_FAIL.format(x=14.9)), "t"))

@@ -1,0 +1,59 @@
+import json
+
+import numpy as np
+import pytest
+
+from pdhpc.output.fields import frame_times, read_frame, read_points
+from pdhpc.output.history import read_history
+from pdhpc.output.record import OutputError
+from pdhpc.run import RunError
+from pdhpc.scene.read import parse_scene
+from pdhpc.simulation import Simulation
+from pdhpc.study.verify.case import plate
+from pdhpc.study.verify.fracture import GROWING_CRACK
+
+MOVING = '[[initial]]\nvelocity = [0.001, 0.0]\n[[probe]]\nname = "p"\npoint = [0.0, 0.0]\nquantity = "velocity"\n'
+
+
+def test_a_run_leaves_everything(tmp_path, comm):
+    scene = parse_scene(plate((12, 8), extra=MOVING), "moving.toml", ["time.end=20.0", "output.frames=4"])
+    record = Simulation(scene, comm).run(tmp_path / "out", quiet=True)
+    assert record == {**json.loads((tmp_path / "out" / "run.json").read_text()), **{k: record[k] for k in ("seconds", "seconds_slowest_rank", "tips")}}
+    assert record["status"] == "done" and record["particles"] == 96 and record["ranks"] == 1 and record["steps"] == record["steps_planned"]
+    assert record["energies"]["kinetic_energy"] == pytest.approx(0.5 * 96 * 1e-6)
+    times = [time for _, _, time in frame_times(tmp_path / "out")]
+    assert len(times) == 5 and times[0] == 0.0 and times[-1] == pytest.approx(20.0)
+    history = read_history(tmp_path / "out" / "history.csv")
+    assert history["p.velocity_x [m/s]"].tolist() == [pytest.approx(0.001)] * 5
+    assert read_frame(tmp_path / "out")[2]["displacement"][:, 0] == pytest.approx(0.02)
+    assert len(read_points(tmp_path / "out")["id"]) == 96
+
+
+def test_a_second_run_needs_overwrite(tmp_path, comm):
+    scene = parse_scene(plate((4, 4)), "t", ["output.frames=1"])
+    Simulation(scene, comm).run(tmp_path, quiet=True)
+    with pytest.raises(OutputError, match="holds another run"):
+        Simulation(scene, comm).run(tmp_path, quiet=True)
+    Simulation(scene, comm).run(tmp_path, overwrite=True, quiet=True)
+
+
+def test_an_unstable_step_ends_with_an_error_and_a_record(tmp_path, comm):
+    spin = "[[initial]]\nvelocity_gradient = [[0.1, 0.0], [0.3, 0.0]]\n"
+    scene = parse_scene(plate((8, 8), extra=spin), "t", ["time.dt=4.0", "time.end=4000.0", "time.allow_unstable=true"])
+    with pytest.raises(RunError, match="not finite"), np.errstate(all="ignore"):
+        Simulation(scene, comm).run(tmp_path, quiet=True)
+    record = json.loads((tmp_path / "run.json").read_text())
+    assert record["status"] == "failed" and "not finite" in record["error"] and "above the critical step" in record["warnings"][0]
+
+
+def test_a_few_lines_of_python_without_output(comm):
+    record = Simulation(parse_scene(GROWING_CRACK, "crack", ["time.end=8e-6"]), comm).run(quiet=True)
+    assert record["status"] == "done" and record["energies"]["external_work"] > 0
+
+
+def test_same_scene_same_numbers(comm):
+    runs = [Simulation(parse_scene(GROWING_CRACK, "crack", ["time.end=5e-6"]), comm) for _ in range(2)]
+    for run in runs:
+        run.run(quiet=True)
+    first, second = (run.stepper.subdomain.particles.displacement for run in runs)
+    assert np.array_equal(first, second)
