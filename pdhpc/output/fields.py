@@ -131,7 +131,7 @@ def _wide(values):
     dim = values.shape[1]
     wide = np.zeros((len(values),) + (3,) * (values.ndim - 1))
     wide[(slice(None),) + (slice(0, dim),) * (values.ndim - 1)] = values
-    return wide.reshape(len(values), -1)
+    return wide.reshape(len(values), 3 ** (values.ndim - 1))
 
 
 def _parallel_h5py():

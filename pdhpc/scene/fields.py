@@ -7,11 +7,17 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 LARGEST = 1e60
 
 
+def printable(value, longest=60):
+    """Return a value as text that fits a sentence: one line, no control characters, shortened."""
+    text = "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in str(value)[: longest + 1])
+    return text if len(text) <= longest else text[: longest - 3] + "..."
+
+
 class Rule(ValueError):
     """A broken rule: `key` (relative to its table), what was `found`, what is `allowed`."""
 
     def __init__(self, key, found, allowed):
-        super().__init__(f"{key} = {found}; allowed is {allowed}")
+        super().__init__(f"{key} = {printable(found, 200)}; allowed is {allowed}")
         self.key, self.found, self.allowed = key, found, allowed
 
 

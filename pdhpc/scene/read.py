@@ -5,7 +5,7 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from pdhpc.scene import rules
-from pdhpc.scene.fields import Rule
+from pdhpc.scene.fields import Rule, printable
 from pdhpc.scene.schema import Scene, SceneError
 
 try:
@@ -48,7 +48,7 @@ def parse_scene(text, name, overrides=()):
         data = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError, ValueError) as error:
         reason = str(error).splitlines()[0] if str(error) else "nested too deeply"
-        raise SceneError(f"{name}: not valid TOML: {reason}") from None
+        raise SceneError(f"{name}: not valid TOML: {printable(reason, 200)}") from None
     for override in overrides:
         _apply(data, override)
     return scene_from_dict(data, name)
@@ -112,9 +112,9 @@ def _where(data, path):
         value = value[step] if isinstance(value, (dict, list)) and _has(value, step) else None
         if isinstance(step, int):
             label = value.get("name") if isinstance(value, dict) else None
-            words[-1] += f" '{label}':" if isinstance(label, str) and label else f"[{step}]" + (":" if isinstance(value, dict) else "")
+            words[-1] += f" '{printable(label, 30)}':" if isinstance(label, str) and label else f"[{step}]" + (":" if isinstance(value, dict) else "")
         else:
-            words.append(str(step))
+            words.append(printable(step))
     text = ""
     for word in words:
         text += word if not text else (" " if text.endswith(":") else ".") + word
@@ -185,7 +185,7 @@ def _show(value):
         return "a table"
     else:
         text = str(value)
-    return text if len(text) <= 60 else text[:57] + "..."
+    return printable(text)
 
 
 def _apply(data, override):
@@ -193,7 +193,7 @@ def _apply(data, override):
     path, equals, text = override.partition("=")
     words = path.strip().split(".")
     if not equals or not all(words):
-        raise SceneError(f"--set {override}: allowed is section.key=value")
+        raise SceneError(f"--set {printable(override, 100)}: allowed is section.key=value")
     value, target = _value(text.strip()), data
     for number, word in enumerate(words[:-1]):
         target = _step(target, word, override, create=number == 0)
@@ -202,7 +202,7 @@ def _apply(data, override):
     elif isinstance(target, dict):
         target[words[-1]] = value
     else:
-        raise SceneError(f"--set {override}: {'.'.join(words[:-1])} is no table; allowed is section.key=value")
+        raise SceneError(f"--set {printable(override, 100)}: {'.'.join(words[:-1])} is no table; allowed is section.key=value")
 
 
 def _value(text):
@@ -222,8 +222,8 @@ def _step(target, word, override, create):
         if word in target:
             return target[word]
         hint = rules.nearest(word, list(target))
-        raise SceneError(f"--set {override}: {word} is not in the scene; allowed is one of {', '.join(sorted(target))}{hint}")
-    raise SceneError(f"--set {override}: {word} leads into a value that is no table; allowed is section.key=value")
+        raise SceneError(f"--set {printable(override, 100)}: {word} is not in the scene; allowed is one of {', '.join(sorted(target))}{hint}")
+    raise SceneError(f"--set {printable(override, 100)}: {word} leads into a value that is no table; allowed is section.key=value")
 
 
 def _index(tables, word, override):
@@ -234,4 +234,4 @@ def _index(tables, word, override):
     if word.isdigit() and int(word) < len(tables):
         return int(word)
     known = [str(name) for name in names if name]
-    raise SceneError(f"--set {override}: no entry {word}; allowed is an index below {len(tables)}" + (f" or one of {', '.join(known)}" if known else ""))
+    raise SceneError(f"--set {printable(override, 100)}: no entry {word}; allowed is an index below {len(tables)}" + (f" or one of {', '.join(known)}" if known else ""))

@@ -130,7 +130,7 @@ def _meets_a_body(scene, box):
 
 def _check_regions(scene):
     _named(scene.region, "region")
-    bodies = [body.name for body in scene.body]
+    _check_region_names(scene)
     used = {each.region for group in (scene.load, scene.initial, scene.tip, scene.probe) for each in group if each.region is not None}
     used |= set(scene.damage.no_fail)
     for number, region in enumerate(scene.region):
@@ -139,14 +139,18 @@ def _check_regions(scene):
             raise Rule(f"{where}: name", '"all"', "another name: all is built in and holds every particle")
         _within(where, region.check, scene.dim)
         if region.body is not None:
-            _reference(where, "body", region.body, bodies, "body")
+            _reference(where, "body", region.body, [body.name for body in scene.body], "body")
         if not _meets_a_body(scene, region.bounding_box()):
             raise Rule(f"{where}: shape", f'"{region.shape}" outside every body, which selects no particle', "a region that holds at least one particle")
         if region.name not in used:
             raise Rule(f"{where}: name", f'"{region.name}"', "a region that a load, initial state, probe, tip or no_fail uses; this one is unused")
+
+
+def _check_region_names(scene):
+    """Raise a Rule for the first reference to a region that is not there."""
     names = [region.name for region in scene.region] + ["all"]
-    for group, tables in (("load", scene.load), ("initial", scene.initial), ("tip", scene.tip), ("probe", scene.probe)):
-        for number, table in enumerate(tables):
+    for group in ("load", "initial", "tip", "probe"):
+        for number, table in enumerate(getattr(scene, group)):
             if table.region is not None:
                 _reference(section(group, number, table), "region", table.region, names, "region")
     for name in scene.damage.no_fail:

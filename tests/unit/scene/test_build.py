@@ -1,0 +1,104 @@
+import numpy as np
+import pytest
+
+from pdhpc.scene.build import build, choose_step, make_gauges
+from pdhpc.scene.read import parse_scene
+from pdhpc.scene.schema import SceneError
+from pdhpc.study.verify.case import plate, problem_of
+
+
+def region(name, lower, upper):
+    return f'[[region]]\nname = "{name}"\nshape = "box"\nlower = {lower}\nupper = {upper}\n'
+
+
+def test_a_hole_removes_particles():
+    extra = '[[body.hole]]\nshape = "disk"\ncenter = [0.0, 0.0]\nradius = 3.0\n'
+    text = plate((20, 10)).replace("[time]", extra + "[time]")
+    particles = problem_of(text).subdomain.particles
+    assert np.linalg.norm(particles.reference, axis=1).min() > 3.0 and 150 < particles.n_owned < 200
+
+
+@pytest.mark.parametrize("depth", [1, 3])
+def test_traction_gives_the_force_of_its_face(depth):
+    """A region of any depth: total force = traction x length x thickness."""
+    extra = region("top", [-10.0, 5.0 - depth], [10.0, 5.0]) + '[[load]]\ntype = "traction"\nregion = "top"\nface = "+y"\nvalue = [0.5, 2.0]\n'
+    problem = problem_of(plate((20, 10), extra=extra))
+    stepper = problem.stepper()
+    total = (stepper.subdomain.particles.force_density * stepper.subdomain.particles.volume[:, None]).sum(axis=0)
+    assert total == pytest.approx([0.5 * 20, 2.0 * 20])
+
+
+def test_traction_on_the_face_of_a_cube():
+    extra = '[[region]]\nname = "r"\nshape = "half_space"\npoint = [2.0, 0.0, 0.0]\nnormal = [1.0, 0.0, 0.0]\n[[load]]\ntype = "traction"\nregion = "r"\nface = "+x"\nvalue = [3.0, 0.0, 0.0]\n'
+    problem = problem_of(plate((8, 6, 5), extra=extra, dimension="3d"))
+    force = problem.stepper().subdomain.particles.force_density
+    assert force.sum(axis=0) == pytest.approx([3.0 * 6 * 5, 0.0, 0.0])
+
+
+def test_gravity_and_force_density():
+    extra = '[[load]]\ntype = "gravity"\nvalue = [0.0, -9.81]\n[[load]]\ntype = "force_density"\nregion = "all"\nvalue = [1.5, 0.0]\n'
+    problem = problem_of(plate((6, 4), extra=extra).replace("density = 1.0\n", "density = 2.0\n"))
+    assert np.allclose(problem.stepper().subdomain.particles.force_density, [1.5, -2.0 * 9.81])
+
+
+def test_no_fail_regions_hold_whatever_happens():
+    extra = region("held", [-10.0, -5.0], [0.0, 5.0]) + '[damage]\nno_fail = ["held"]\n[[initial]]\ndisplacement_gradient = [[0.5, 0.0], [0.0, 0.5]]\n'
+    problem = problem_of(plate((20, 10), extra=extra, material="critical_stretch = 0.1", kinematics="finite"))
+    stepper = problem.stepper()
+    x, damage = stepper.subdomain.particles.reference[:, 0], stepper.subdomain.bonds.damage()
+    assert stepper.broken > 0 and np.all(damage[x < 0] == 0.0) and np.all(damage[x > 4] == 1.0)
+
+
+def test_regions_can_be_tied_to_a_body():
+    second = '[[body]]\nname = "right"\nmaterial = "solid"\nshape = "box"\nlower = [5.0, -5.0]\nupper = [9.0, 5.0]\n'
+    extra = second + region("part", [0.0, -5.0], [9.0, 5.0]) + 'body = "right"\n[[load]]\ntype = "force_density"\nregion = "part"\nvalue = [1.0, 0.0]\n'
+    problem = problem_of(plate((10, 10), extra=extra))
+    particles = problem.stepper().subdomain.particles
+    assert np.array_equal(particles.force_density[:, 0] > 0.5, particles.reference[:, 0] > 5.0)
+
+
+def test_initial_states_add_up():
+    extra = '[[initial]]\nvelocity = [1.0, 2.0]\n[[initial]]\nvelocity_gradient = [[0.0, 3.0], [0.0, 0.0]]\norigin = [0.0, 1.0]\ndisplacement = [0.1, 0.0]\n'
+    particles = problem_of(plate((4, 4), extra=extra)).subdomain.particles
+    assert np.allclose(particles.velocity, np.stack([1.0 + 3.0 * (particles.reference[:, 1] - 1.0), np.full(16, 2.0)], axis=1))
+    assert np.allclose(particles.displacement, [0.1, 0.0])
+
+
+@pytest.mark.parametrize("extra, words", [
+    (region("r", [0.1, 0.1], [0.2, 0.2]) + '[[load]]\nname = "l"\ntype = "force_density"\nregion = "r"\nvalue = [1.0, 0.0]\n', "load 'l': region = \"r\", which selects no particle"),
+    (region("r", [0.1, 0.1], [0.2, 0.2]) + '[[probe]]\nname = "p"\nregion = "r"\nquantity = "damage"\n', "probe 'p': region"),
+    ('[[crack]]\nname = "c"\ntype = "polyline"\npoints = [[0.31, 0.22], [0.3100001, 0.22]]\n', "crack 'c' = a crack that cuts no bond"),
+    (region("a", [0.0, 0.0], [5.0, 5.0]) + region("b", [-5.0, 0.0], [2.0, 5.0]) + "".join(
+        f'[[load]]\ntype = "velocity"\nregion = "{name}"\nvalue = [1.0, "free"]\n' for name in "ab"), "prescribes the same component"),
+])
+def test_what_only_the_particles_show(extra, words, comm):
+    with pytest.raises(SceneError) as caught:
+        problem = problem_of(plate((10, 10), extra=extra))
+        make_gauges(problem, comm)
+    assert words in str(caught.value)
+
+
+def test_a_body_that_is_all_hole():
+    text = plate((4, 4)).replace("[time]", '[[body.hole]]\nshape = "box"\nlower = [-2.0, -2.0]\nupper = [2.0, 2.0]\n[time]')
+    with pytest.raises(SceneError, match="no particle"):
+        problem_of(text)
+
+
+def test_steps():
+    scene = parse_scene(plate(), "t")
+    dt, steps, warnings = choose_step(scene, 0.1)
+    assert steps == 12 and dt == pytest.approx(1 / 12) and not warnings  # 1 / (0.9 x 0.1) = 11.1
+    assert choose_step(parse_scene(plate(), "t", ["time.dt=0.08"]), 0.1)[:2] == (0.08, 13)
+    assert choose_step(parse_scene(plate(), "t", ["time.dt=0.25"]), 0.3)[:2] == (0.25, 4)
+    with pytest.raises(SceneError, match="time.dt = 0.2 s; allowed is .*0.1 s"):
+        choose_step(parse_scene(plate(), "t", ["time.dt=0.2"]), 0.1)
+    assert "above the critical step" in choose_step(parse_scene(plate(), "t", ["time.dt=0.2", "time.allow_unstable=true"]), 0.1)[2][0]
+
+
+def test_one_particle_and_no_bond(comm):
+    with pytest.raises(SceneError, match="no particle has a bond"):
+        problem_of(plate((1, 1)))
+    problem = build(parse_scene(plate((1, 1)), "t", ["time.dt=0.5"]), comm)
+    stepper = problem.stepper()
+    stepper.advance()
+    assert problem.subdomain.particles.n_owned == 1

@@ -1,0 +1,104 @@
+import pytest
+
+from pdhpc.scene.read import parse_scene
+from pdhpc.scene.schema import SceneError
+
+BASE = """
+dimension = "plane_stress"
+[particles]
+spacing = 0.5
+horizon = 1.5
+[[material]]
+name = "m"
+density = 1.0
+youngs_modulus = 1.0
+[[body]]
+name = "b"
+material = "m"
+shape = "box"
+lower = [0.0, 0.0]
+upper = [10.0, 5.0]
+[time]
+end = 1.0
+"""
+BASE_3D = BASE.replace("plane_stress", "3d").replace("0.0, 0.0]", "0.0, 0.0, 0.0]").replace("10.0, 5.0]", "10.0, 5.0, 2.0]")
+REGION = '[[region]]\nname = "r"\nshape = "box"\nlower = [0.0, 0.0]\nupper = [1.0, 1.0]\n'
+LOAD = '[[load]]\nname = "l"\ntype = "displacement"\nregion = "r"\nvalue = [0.0, "free"]\n'
+
+
+def check(extra="", *overrides, base=BASE):
+    return parse_scene(base + extra, "f", overrides)
+
+
+def test_the_bases_are_valid():
+    check()
+    check(base=BASE_3D)
+    check(REGION + LOAD)
+
+
+@pytest.mark.parametrize("extra, overrides, words", [
+    ("", ["particles.horizon=0.9"], ["particles.horizon = 0.9", "at least 2 spacings, 1 m"]),
+    ("", ["particles.horizon=500.0"], ["at most 100 spacings"]),
+    ("", ["material.m.poissons_ratio=0.2"], ["poissons_ratio = 0.2", "1/3", "bond-based"]),
+    ("", ["material.m.energy_release_rate=1.0", "material.m.critical_stretch=0.1"], ["not both"]),
+    ("", ["body.b.material=wood"], ['material = "wood"', "m"]),
+    ('[[material]]\nname = "spare"\ndensity = 1.0\nyoungs_modulus = 1.0\n', [], ["'spare'", "unused"]),
+    ('[[material]]\nname = "m"\ndensity = 1.0\nyoungs_modulus = 1.0\n', [], ["no other material has"]),
+    ("", ["body.b.upper=[10.2, 5.0]"], ["whole number of spacings", "nearest is 10 m"]),
+    ("", ["body.b.upper=[-1.0, 5.0]"], ["upper", "above lower"]),
+    ("", ["body.b.upper=[10.0]"], ["1 components", "2 components"]),
+    ("", ["body.b.upper=[1e40, 5.0]"], ["spacing"]),
+    ('[[body]]\nname = "c"\nmaterial = "m"\nshape = "box"\nlower = [9.5, 0.0]\nupper = [12.0, 5.0]\n', [], ["does not overlap", "body 'b'"]),
+    ('[[body]]\nname = "c"\nmaterial = "m"\nshape = "sphere"\ncenter = [20.0, 0.0]\nradius = 1.0\n', [], ['"sphere"', "2D"]),
+    ("", ['body.b.hole=[{shape="disk", center=[50.0, 0.0], radius=1.0}]'], ["hole[0]", "meets its body"]),
+    (REGION, [], ["region 'r'", "unused"]),
+    (REGION.replace('"r"', '"all"'), [], ["all is built in"]),
+    (REGION.replace("[1.0, 1.0]", "[-1.0, 1.0]"), [], ["above lower"]),
+    (REGION.replace("[0.0, 0.0]", "[90.0, 0.0]").replace("[1.0, 1.0]", "[91.0, 1.0]") + LOAD, [], ["selects no particle"]),
+    (REGION + LOAD, ["load.l.region=rr"], ['region = "rr"', 'did you mean "r"']),
+    (REGION + LOAD, ['region.r.body="bb"'], ['body = "bb"', 'did you mean "b"']),
+    (REGION + LOAD, ['load.l.value=["free", "free"]'], ["at least one component"]),
+    (REGION + LOAD + LOAD.replace('"l"', '"k"'), [], ["load 'l' prescribes"]),
+    (REGION + LOAD + LOAD, [], ["no other load has"]),
+    ('[[load]]\ntype = "traction"\nregion = "all"\nface = "+z"\nvalue = [0.0, 1.0]\n', [], ["+z", "2D"]),
+    ('[[load]]\ntype = "gravity"\nvalue = [0.0, 1.0]\ntime = { function = "ramp", start = 2.0, end = 1.0 }\n', [], ["after time.start"]),
+    ('[[load]]\ntype = "gravity"\nvalue = [0.0, 1.0]\ntime = { function = "table", times = [0.0, 0.0], values = [1.0, 2.0] }\n', [], ["each after the one before"]),
+    ('[[load]]\ntype = "gravity"\nvalue = [0.0, 1.0]\ntime = { function = "table", times = [0.0, 1.0], values = [1.0] }\n', [], ["as many values as times"]),
+    ('[[initial]]\nregion = "all"\n', [], ["nothing", "velocity_gradient"]),
+    ('[[initial]]\nvelocity_gradient = [[1.0, 0.0]]\n', [], ["2 rows of 2"]),
+    ('[[crack]]\ntype = "polyline"\npoints = [[20.0, 0.0], [30.0, 0.0]]\n', [], ["outside every body"]),
+    ('[[crack]]\ntype = "polyline"\npoints = [[2.0, 0.0], [2.0, 0.0]]\n', [], ["different from the one before"]),
+    ('[[crack]]\ntype = "disk"\ncenter = [1.0, 1.0, 0.0]\nnormal = [0.0, 0.0, 1.0]\nradius = 1.0\n', [], ["polyline in 2D"]),
+    ("", ["time.safety=1.5"], ["at most 1"]),
+    ("", ["time.dt=2.0"], ["at most time.end"]),
+    ("", ["output.every=0.1", "output.frames=3"], ["only one of every, frames and times"]),
+    ("", ["output.times=[0.5, 2.0]"], ["up to time.end"]),
+    ("", ["output.every=1e-9"], ["an interval from"]),
+    ("", ['output.fields=["damage", "damage"]'], ["each field once"]),
+    ('[[probe]]\nname = "p"\nquantity = "stress"\n', [], ["exactly one of point and region"]),
+    ('[[probe]]\nname = "p"\npoint = [1.0, 1.0]\nquantity = "reaction"\n', [], ["a region"]),
+    ('[[probe]]\nname = "p"\npoint = [1.0, 1.0]\nquantity = "velocity"\n[[curve]]\nname = "c"\nx = "p.velocity_x"\ny = "p.velocity_z"\n', [], ["p.velocity_z", "did you mean"]),
+    ('[[tip]]\nname = "t"\ndirection = [0.0, 0.0]\n[[tip]]\nname = "u"\n', [], ["not zero"]),
+    ('[[tip]]\nname = "t"\nthreshold = 1.0\n', [], ["below 1"]),
+    ("", ['damage.no_fail=["x"]'], ['no_fail = "x"', "region"]),
+])
+def test_each_rule_in_one_sentence(extra, overrides, words):
+    with pytest.raises(SceneError) as caught:
+        check(extra, *overrides)
+    text = str(caught.value)
+    assert text.startswith("f: ") and "allowed is" in text and all(word in text for word in words), text
+
+
+@pytest.mark.parametrize("extra, words", [
+    ('[[crack]]\ntype = "rectangle"\ncorner = [0.0, 0.0, 1.0]\nedge1 = [1.0, 0.0, 0.0]\nedge2 = [2.0, 0.0, 0.0]\n', "not parallel"),
+    ('[[crack]]\ntype = "polyline"\npoints = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]\n', "rectangle or disk in 3D"),
+    ('[[region]]\nname = "r"\nshape = "disk"\ncenter = [0.0, 0.0, 0.0]\nradius = 1.0\n', "in 3D"),
+    ("", "no thickness in 3D"),
+])
+def test_rules_of_three_dimensions(extra, words):
+    with pytest.raises(SceneError, match=words):
+        check(extra, *(["particles.thickness=1.0"] if not extra else []), base=BASE_3D)
+
+
+def test_touching_bodies_are_fine():
+    check('[[body]]\nname = "c"\nmaterial = "m"\nshape = "box"\nlower = [10.0, 0.0]\nupper = [12.0, 5.0]\n')
