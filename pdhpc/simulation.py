@@ -38,7 +38,7 @@ class Simulation:
         started = time.perf_counter()
         self.comm = world() if comm is None else comm
         self.scene = scene
-        _compile_first_on_each_node(self.comm)
+        _compile_first_on_each_node(self.comm, scene.dim)
         compiled = time.perf_counter()
         self.problem = build(scene, self.comm)
         self.energies, self.probes, self.tips = make_gauges(self.problem, self.comm)
@@ -184,7 +184,7 @@ def _max():
     return MPI.MAX
 
 
-def _compile_first_on_each_node(comm):
+def _compile_first_on_each_node(comm, dim):
     """Let one rank of each node compile the kernels into the cache before the others load them. Collective."""
     from mpi4py import MPI
 
@@ -192,6 +192,6 @@ def _compile_first_on_each_node(comm):
     if node.rank == 0:
         from pdhpc.warm_up import compile_kernels
 
-        compile_kernels()
+        compile_kernels((dim,))
     node.Barrier()
     node.Free()

@@ -28,7 +28,7 @@ def block(dim, cells, ratio, linear=False):
 
 
 def compile_kernels(dims=(2, 3)):
-    """Call every kernel of a run once in each of the dimensions `dims`. Local."""
+    """Call every kernel of a run once in each of the dimensions `dims`; kinematics and material share one compilation. Local."""
     for dim in dims:
         subdomain, law = block(dim, 4, 2.0)
         particles, arrays = subdomain.particles, subdomain.bonds.arrays

@@ -10,6 +10,7 @@ def _comm():
     return mpi.COMM_WORLD if mpi is not None else None
 
 
+@pytest.hookimpl(trylast=True)
 def pytest_configure(config):
     """Let ranks above 0 say nothing."""
     comm = _comm()
