@@ -1,24 +1,23 @@
 """Building blocks of the schema: strict tables, numbers, vectors, and keys that know their unit, meaning and source."""
 import math
+import re
 from typing import Annotated, Any, List, Optional
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field
+from pydantic_core import core_schema
 
-LARGEST = 1e60
-
-
-def printable(value, longest=60):
-    """Return a value as text that fits a sentence: one line, no control characters, shortened."""
-    text = "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in str(value)[: longest + 1])
-    return text if len(text) <= longest else text[: longest - 3] + "..."
+LARGEST = 1e60  # bounds on the size of numbers: their squares and cubes neither overflow nor vanish
+SMALLEST = 1e-60
+_SHOWN = 60  # characters of a value in a sentence, and of a name
+_NAME = "[A-Za-z][A-Za-z0-9_-]*"
 
 
 class Rule(ValueError):
-    """A broken rule: `key` (relative to its table), what was `found`, what is `allowed`."""
+    """A broken rule: `key` (with its section, or relative to its table), what was `found`, what is `allowed`."""
 
     def __init__(self, key, found, allowed):
-        super().__init__(f"{key} = {printable(found, 200)}; allowed is {allowed}")
-        self.key, self.found, self.allowed = key, found, allowed
+        self.key, self.found, self.allowed = key, found if isinstance(found, str) else show(found), allowed
+        super().__init__(f"{self.key} = {self.found}; allowed is {allowed}")
 
 
 class Table(BaseModel):
@@ -30,91 +29,162 @@ class Table(BaseModel):
 def key(meaning, unit="", source="", default=...):
     """Return a pydantic field with its meaning, unit and the source of its formula; `...` makes it required."""
     extra = {"unit": unit, "source": source}
-    if isinstance(default, (list, dict)):
-        return Field(default_factory=lambda: type(default)(default), description=meaning, json_schema_extra=extra)
+    if isinstance(default, list):
+        return Field(default_factory=lambda: list(default), description=meaning, json_schema_extra=extra)
     return Field(default, description=meaning, json_schema_extra=extra)
 
 
-def _number(value: Any) -> float:
+def printable(text):
+    """Return a text in which line breaks, control characters and lone surrogates are escaped."""
+    return "".join(each if each.isprintable() else repr(each)[1:-1] for each in text)
+
+
+def show(value):
+    """Return a value as it stands in a scene, on one line and shortened."""
+    text = printable(_written(value))
+    return text if len(text) <= _SHOWN else text[: _SHOWN - 3] + "..."
+
+
+def _written(value):
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return f'"{value}"'
+    if isinstance(value, dict):
+        return "a table"
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(_written(each) for each in value[:_SHOWN])}]"
+    if isinstance(value, int) and abs(value) > LARGEST:
+        return "a whole number of more than 60 digits"
+    return str(value)
+
+
+class Kind:
+    """A kind of value: `take` returns it or raises a ValueError that says what is allowed; `schema` is its JSON schema."""
+
+    def __init__(self, take, **schema):
+        self.take, self.schema = take, schema
+
+    def __get_pydantic_core_schema__(self, source, handler):
+        return core_schema.no_info_before_validator_function(self.take, handler(source))
+
+    def __get_pydantic_json_schema__(self, schema, handler):
+        return {**handler(schema), **self.schema}
+
+
+def take_number(value: Any) -> float:
     """Take an integer or a float, nothing else, finite and of sane size."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise ValueError("a number")
-    if not math.isfinite(value) or abs(value) > LARGEST:
-        raise ValueError(f"a finite number below {LARGEST:g} in size")
+    if not (value == 0 or SMALLEST <= abs(value) <= LARGEST):
+        raise ValueError(f"a finite number, 0 or of size {SMALLEST:g} to {LARGEST:g}")
     return float(value)
 
 
-def _positive(value: float) -> float:
+def _positive(value):
+    value = take_number(value)
     if value <= 0:
         raise ValueError("a number above 0")
     return value
 
 
-def _not_negative(value: float) -> float:
+def _not_negative(value):
+    value = take_number(value)
     if value < 0:
         raise ValueError("a number of at least 0")
     return value
 
 
-def _whole(value: Any) -> int:
-    if isinstance(value, bool) or not isinstance(value, int) or value < 1 or value > 10**9:
-        raise ValueError("a whole number from 1 to 1000000000")
+def _share(value):
+    if not 0 < take_number(value) <= 1:
+        raise ValueError("a number above 0 and at most 1")
+    return float(value)
+
+
+def _fraction(value):
+    if not 0 < take_number(value) < 1:
+        raise ValueError("a number above 0 and below 1")
+    return float(value)
+
+
+def _whole(value):
+    if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= 10**6:
+        raise ValueError("a whole number from 1 to 1000000")
     return value
 
 
-def _flag(value: Any) -> bool:
+def _flag(value):
     if not isinstance(value, bool):
         raise ValueError("true or false")
     return value
 
 
-def _text(value: Any) -> str:
-    if not isinstance(value, str):
-        raise ValueError("a text in quotes")
+def _text(value):
+    if not isinstance(value, str) or not value.isprintable():
+        raise ValueError("a text in quotes, on one line and without control characters")
     return value
 
 
-def _name(value: Any) -> str:
-    value = _text(value)
-    head, rest = value[:1], value.replace("_", "").replace("-", "")
-    if not (head.isascii() and head.isalpha() and rest.isascii() and rest.isalnum()) or len(value) > 60:
-        raise ValueError("a name: a letter, then letters, digits, _ or -")
+def _name(value):
+    if not isinstance(value, str) or not re.fullmatch(_NAME, value) or len(value) > _SHOWN:
+        raise ValueError(f"a name in quotes: a letter a-z or A-Z, then letters, digits, _ or -, at most {_SHOWN} in all")
     return value
 
 
-def _list(value: Any) -> list:
-    if not isinstance(value, list) or not value:
-        raise ValueError("a list with at least one entry in [ ]")
-    return value
+def _list_of(what):
+    """Return the Kind of a list that is not empty."""
+    def take(value):
+        """Take a list that is not empty."""
+        if not isinstance(value, list) or not value:
+            raise ValueError(f"a list of {what}")
+        return value
+
+    return Kind(take, minItems=1)
 
 
-def _optional_list(value: Any) -> list:
+def _any_list(value):
     if not isinstance(value, list):
         raise ValueError("a list in [ ]")
     return value
 
 
-def free_or_number(value: Any):
+def free_or_number(value):
     """Take a number or the word "free"."""
     if value == "free":
         return value
     try:
-        return _number(value)
-    except ValueError:
-        raise ValueError('a number or "free"') from None
+        return take_number(value)
+    except ValueError as error:
+        raise ValueError(f'{error} or "free"') from None
 
 
-Number = Annotated[float, BeforeValidator(_number)]
-Positive = Annotated[float, BeforeValidator(_number), AfterValidator(_positive)]
-NotNegative = Annotated[float, BeforeValidator(_number), AfterValidator(_not_negative)]
-Whole = Annotated[int, BeforeValidator(_whole)]
-Flag = Annotated[bool, BeforeValidator(_flag)]
-Text = Annotated[str, BeforeValidator(_text)]
-Name = Annotated[str, BeforeValidator(_name)]
-Vector = Annotated[List[Number], BeforeValidator(_list)]
-Names = Annotated[List[Name], BeforeValidator(_optional_list)]
-Numbers = Annotated[List[Number], BeforeValidator(_list)]
-Matrix = Annotated[List[Vector], BeforeValidator(_list)]
+def _auto_or_positive(value):
+    if value == "auto":
+        return value
+    try:
+        return _positive(value)
+    except ValueError as error:
+        raise ValueError(f'"auto" or {error}') from None
+
+
+Filled = _list_of("at least one entry in [ ]")
+Listed = Kind(_any_list)
+Number = Annotated[float, Kind(take_number)]
+Positive = Annotated[float, Kind(_positive, exclusiveMinimum=0)]
+NotNegative = Annotated[float, Kind(_not_negative, minimum=0)]
+Share = Annotated[float, Kind(_share, exclusiveMinimum=0, maximum=1)]
+Fraction = Annotated[float, Kind(_fraction, exclusiveMinimum=0, exclusiveMaximum=1)]
+Whole = Annotated[int, Kind(_whole, minimum=1, maximum=10**6)]
+Flag = Annotated[bool, Kind(_flag)]
+Text = Annotated[str, Kind(_text)]
+Name = Annotated[str, Kind(_name, pattern=f"^{_NAME}$", maxLength=_SHOWN)]
+FreeOrNumber = Annotated[Any, Kind(free_or_number, anyOf=[{"type": "number"}, {"const": "free"}])]
+AutoOrPositive = Annotated[Any, Kind(_auto_or_positive, anyOf=[{"type": "number", "exclusiveMinimum": 0}, {"const": "auto"}])]
+Vector = Annotated[List[Number], _list_of("numbers such as [0.0, 1.0]")]
+FreeVector = Annotated[List[FreeOrNumber], _list_of('numbers or "free" such as [0.0, "free"]')]
+Names = Annotated[List[Name], Listed]
+Numbers = Annotated[List[Number], _list_of("one or more numbers in [ ]")]
+Matrix = Annotated[List[Vector], _list_of("lists such as [[0.0, 0.0], [0.0, 1.0]]")]
 
 
 def length(vector):
@@ -125,11 +195,11 @@ def length(vector):
 def check_vector(name, vector: Optional[list], dim):
     """Raise a Rule unless a vector is absent or has `dim` components."""
     if vector is not None and len(vector) != dim:
-        raise Rule(name, f"{vector} ({len(vector)} components)", f"{dim} components")
+        raise Rule(name, f"{show(vector)} ({len(vector)} components)", f"{dim} components in {dim}D")
 
 
 def check_direction(name, vector, dim):
-    """Raise a Rule unless a vector has `dim` components and is not zero."""
+    """Raise a Rule unless a vector is absent, or has `dim` components and is not zero."""
     check_vector(name, vector, dim)
     if vector is not None and length(vector) == 0:
         raise Rule(name, vector, "a vector that is not zero")

@@ -1,11 +1,11 @@
 """Read a scene: TOML in, a validated Scene out, or one sentence that says what is wrong."""
-import difflib
-from pathlib import Path
+import copy
 
 from pydantic import ValidationError
 
-from pdhpc.scene import rules
-from pdhpc.scene.fields import Rule, printable
+from pdhpc.scene import overrides as changes
+from pdhpc.scene import rules, sentences
+from pdhpc.scene.fields import LARGEST, Rule, printable, show
 from pdhpc.scene.schema import Scene, SceneError
 
 try:
@@ -14,7 +14,7 @@ except ModuleNotFoundError:  # Python < 3.11
     import tomli as tomllib
 
 _LARGEST_FILE = 10_000_000  # bytes
-_TAGS = ("shape", "type", "function")
+_DEEPEST = 12  # levels of tables and lists; the language uses six
 
 
 def read_scene(path, overrides=()):
@@ -29,209 +29,104 @@ def read_scene(path, overrides=()):
 
 def read_text(path):
     """Return the text of a scene file; a SceneError says why it cannot be read."""
+    name = printable(str(path))
     try:
-        data = Path(path).read_bytes()
+        with open(path, "rb") as file:
+            data = file.read(_LARGEST_FILE + 1)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        raise SceneError(f"{path}: cannot be read ({reason}); allowed is a TOML scene file") from None
+        raise SceneError(f"{name}: cannot be read ({reason}); allowed is a TOML scene file") from None
     if len(data) > _LARGEST_FILE:
-        raise SceneError(f"{path}: {len(data)} bytes; allowed is a scene of at most {_LARGEST_FILE} bytes")
+        raise SceneError(f"{name}: larger than {_LARGEST_FILE} bytes; allowed is a TOML scene file")
     try:
-        return data.decode("utf-8")
+        return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise SceneError(f"{path}: byte {error.start} is not UTF-8; allowed is a TOML scene in UTF-8") from None
+        raise SceneError(f"{name}: byte {error.start} is not UTF-8; allowed is a TOML scene file in UTF-8") from None
 
 
 def parse_scene(text, name, overrides=()):
-    """Return the Scene of a TOML text; `name` is the file named in errors."""
-    try:
-        data = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError, ValueError) as error:
-        reason = str(error).splitlines()[0] if str(error) else "nested too deeply"
-        raise SceneError(f"{name}: not valid TOML: {printable(reason, 200)}") from None
+    """Return the Scene of a TOML text with `overrides` applied; `name` is the file named in errors.
+
+    Raises
+    ------
+    SceneError: as read_scene; it names the overrides that it comes from.
+    """
+    data = _tables(text, printable(name))
+    changed, paths = copy.deepcopy(data), {}
     for override in overrides:
-        _apply(data, override)
-    return scene_from_dict(data, name)
+        paths[override] = changes.apply(changed, override)
+    try:
+        return scene_from_dict(changed, name)
+    except SceneError as error:
+        guilty = _guilty(error, data, changed, paths)
+        if not guilty:
+            raise
+        rest = str(error)[len(printable(name)) :]
+        words = " ".join(f"--set {printable(override)}" for override in guilty)
+        raise SceneError(f"{printable(name)} with {words}{rest}", error.where) from None
 
 
 def scene_from_dict(data, name):
-    """Return the validated Scene of a dict of its tables."""
+    """Return the validated Scene of a dict of its tables, such as Scene.resolved() returns; `name` is the file named in errors."""
+    label = printable(name)
+    if not data:
+        raise SceneError(f"{label}: the scene is empty; allowed is a scene with dimension, particles, material, body and time")
+    _check_sizes(data, label)
     try:
         scene = Scene.model_validate(data)
         rules.check(scene)
     except ValidationError as error:
-        raise SceneError(f"{name}: {_sentence(data, error.errors())}") from None
+        where, sentence = sentences.sentence(data, error.errors(include_url=False))
+        raise SceneError(f"{label}: {sentence}", where) from None
     except Rule as rule:
-        raise SceneError(f"{name}: {rule}") from None
-    except RecursionError:
-        raise SceneError(f"{name}: tables are nested too deeply") from None
-    scene._source = name
+        raise SceneError(f"{label}: {rule}", rule.key) from None
+    scene._source = label
     return scene
 
 
-def _sentence(data, errors):
-    """Return the sentence of the most telling error: an unknown key first, as it also causes missing ones."""
-    def rank(error):
-        return {"extra_forbidden": 0, "missing": 2}.get(error["type"], 1)
-
-    error = min(errors, key=rank)
-    path, value = _walk(data, error["loc"])
-    where = _where(data, path)
-    kind, context = error["type"], error.get("ctx", {})
-    if kind == "extra_forbidden":
-        return _unknown_key(path, where, errors, data)
-    if kind == "missing":
-        return f"{where} is missing; allowed is {_meaning(error['loc'])}"
-    if kind in ("union_tag_not_found", "union_tag_invalid"):
-        word = context["discriminator"].strip("'()") if "discriminator" in context else "shape"
-        return _wrong_tag(where, value, word, error["loc"])
-    return f"{where} = {_show(value)}; allowed is {_allowed(kind, context, error)}"
-
-
-def _walk(data, location):
-    """Return (path of keys and indices, value found there), dropping the union tags that pydantic puts into locations."""
-    path, value = [], data
-    for word in location:
-        if isinstance(value, dict) and word in value and not _is_tag_of(value, word):
-            path, value = path + [word], value[word]
-        elif isinstance(value, list) and isinstance(word, int) and word < len(value):
-            path, value = path + [word], value[word]
-        elif isinstance(value, dict) and not _is_tag_of(value, word):
-            path, value = path + [word], None
-    return path, value
-
-
-def _is_tag_of(table, word):
-    return any(table.get(tag) == word for tag in _TAGS) and word not in table
-
-
-def _where(data, path):
-    """Return a path as words: section and key, tables of lists by their name where they have one."""
-    words, value = [], data
-    for step in path:
-        value = value[step] if isinstance(value, (dict, list)) and _has(value, step) else None
-        if isinstance(step, int):
-            label = value.get("name") if isinstance(value, dict) else None
-            words[-1] += f" '{printable(label, 30)}':" if isinstance(label, str) and label else f"[{step}]" + (":" if isinstance(value, dict) else "")
-        else:
-            words.append(printable(step))
-    text = ""
-    for word in words:
-        text += word if not text else (" " if text.endswith(":") else ".") + word
-    return text.rstrip(":") or "the scene"
-
-
-def _has(value, step):
-    return step in value if isinstance(value, dict) else isinstance(step, int) and step < len(value)
-
-
-def _model_at(location):
-    """Return the Table class whose keys a pydantic location ends in, or None."""
-    from pdhpc.scene.explain import model_at
-
-    return model_at(location)
-
-
-def _unknown_key(path, where, errors, data):
-    """Return the sentence for an unknown key, with the nearest valid one."""
-    location = next(error["loc"] for error in errors if error["type"] == "extra_forbidden")
-    model = _model_at(location[:-1])
-    keys = sorted(model.model_fields) if model else []
-    parent = _where(data, path[:-1]) if len(path) > 1 else "the top level"
-    found = difflib.get_close_matches(str(path[-1]), keys, n=1, cutoff=0.5)
-    hint = f' (did you mean "{found[0]}"?)' if found else ""
-    return f"{where} is an unknown key; allowed in {parent} is {', '.join(keys)}{hint}"
-
-
-def _wrong_tag(where, value, word, location):
-    """Return the sentence for a table whose shape, type or function is missing or unknown."""
-    from pdhpc.scene.explain import tags_at
-
-    word, tags = tags_at(location)
-    if not isinstance(value, dict):
-        return f"{where} = {_show(value)}; allowed is a table with {word} = {' | '.join(tags)}"
-    if word not in value:
-        return f"{where}: {word} is missing; allowed is {', '.join(tags)}"
-    found = difflib.get_close_matches(str(value[word]), tags, n=1, cutoff=0.5)
-    return f"{where}: {word} = {_show(value[word])}; allowed is {', '.join(tags)}" + (f' (did you mean "{found[0]}"?)' if found else "")
-
-
-def _allowed(kind, context, error):
-    """Return what is allowed instead, in words."""
-    if kind == "value_error":
-        return str(context["error"])
-    if kind == "literal_error":
-        expected = context["expected"].replace("'", '"')
-        found = difflib.get_close_matches(str(error["input"]), expected.replace('"', "").replace(" or ", ", ").split(", "), n=1, cutoff=0.5)
-        return expected + (f' (did you mean "{found[0]}"?)' if found else "")
-    if kind in ("model_type", "model_attributes_type", "dict_type"):
-        return "a table (one [section] of keys)"
-    return error["msg"][:1].lower() + error["msg"][1:]
-
-
-def _meaning(location):
-    from pdhpc.scene.explain import meaning_of
-
-    return meaning_of(location)
-
-
-def _show(value):
-    """Return a value as it could stand in a scene, shortened."""
-    if isinstance(value, str):
-        text = f'"{value}"'
-    elif isinstance(value, bool):
-        text = str(value).lower()
-    elif isinstance(value, dict):
-        return "a table"
-    else:
-        text = str(value)
-    return printable(text)
-
-
-def _apply(data, override):
-    """Set one key of the scene's tables from "section.key=value"."""
-    path, equals, text = override.partition("=")
-    words = path.strip().split(".")
-    if not equals or not all(words):
-        raise SceneError(f"--set {printable(override, 100)}: allowed is section.key=value")
-    value, target = _value(text.strip()), data
-    for number, word in enumerate(words[:-1]):
-        target = _step(target, word, override, create=number == 0)
-    if isinstance(target, list):
-        target[_index(target, words[-1], override)] = value
-    elif isinstance(target, dict):
-        target[words[-1]] = value
-    else:
-        raise SceneError(f"--set {printable(override, 100)}: {'.'.join(words[:-1])} is no table; allowed is section.key=value")
-
-
-def _value(text):
-    """Return a TOML value, or the text itself when it is a bare word."""
+def _tables(text, name):
+    """Return the tables of a TOML text as a dict."""
     try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except (tomllib.TOMLDecodeError, ValueError, RecursionError, KeyError):
-        return text
+        data = tomllib.loads(text)
+    except RecursionError:
+        raise SceneError(f"{name}: nested too deeply; allowed are {_DEEPEST} levels of tables and lists") from None
+    except ValueError as error:  # TOMLDecodeError, and integers too long to convert
+        reason = printable(str(error).splitlines()[0]).split("; use sys.")[0]
+        raise SceneError(f"{name}: not valid TOML: {reason}; allowed is TOML, see toml.io") from None
+    _check_sizes(data, name)
+    return data
 
 
-def _step(target, word, override, create):
-    if isinstance(target, list):
-        return target[_index(target, word, override)]
-    if isinstance(target, dict):
-        if word not in target and create and word in Scene.model_fields:
-            target[word] = {}
-        if word in target:
-            return target[word]
-        hint = rules.nearest(word, list(target))
-        raise SceneError(f"--set {printable(override, 100)}: {word} is not in the scene; allowed is one of {', '.join(sorted(target))}{hint}")
-    raise SceneError(f"--set {printable(override, 100)}: {word} leads into a value that is no table; allowed is section.key=value")
+def _check_sizes(data, name):
+    """Raise a SceneError for tables and lists nested deeper, or whole numbers longer, than code that walks or prints them can take."""
+    level = [((), data)]
+    for _ in range(_DEEPEST):
+        inner = []
+        for path, holder in level:
+            for step, value in holder.items() if isinstance(holder, dict) else enumerate(holder):
+                if isinstance(value, (dict, list)):
+                    inner.append((path + (step,), value))
+                elif isinstance(value, int) and abs(value) > LARGEST:
+                    key = sentences.where(data, path + (step,))
+                    raise SceneError(f"{name}: {key} = {show(value)}; allowed is a number below {LARGEST:g}", key)
+        level = inner
+    if level:
+        raise SceneError(f"{name}: nested too deeply; allowed are {_DEEPEST} levels of tables and lists")
 
 
-def _index(tables, word, override):
-    """Return the index of a list entry given by number or by name."""
-    names = [table.get("name") if isinstance(table, dict) else None for table in tables]
-    if word in names:
-        return names.index(word)
-    if word.isdigit() and int(word) < len(tables):
-        return int(word)
-    known = [str(name) for name in names if name]
-    raise SceneError(f"--set {printable(override, 100)}: no entry {word}; allowed is an index below {len(tables)}" + (f" or one of {', '.join(known)}" if known else ""))
+def _guilty(error, data, changed, paths):
+    """Return the overrides that an error comes from: those whose key it names, or all when the file alone is valid."""
+    named = [override for override, path in paths.items() if _same_key(sentences.where(changed, path), error.where)]
+    if named or not paths:
+        return named
+    try:
+        scene_from_dict(data, "")
+    except SceneError:
+        return []
+    return list(paths)
+
+
+def _same_key(one, other):
+    """Whether one of two keys is the other or lies below it."""
+    short, long = sorted((one, other), key=len)
+    return bool(short) and long.startswith(short) and long[len(short) :][:1] in ("", ".", ":", "[")

@@ -1,12 +1,14 @@
 """Rules between the keys of a scene that types alone cannot hold; each broken one raises a Rule with section, key, finding and what is allowed."""
-import difflib
-
 from pdhpc.scene.fields import Rule, check_direction, check_vector
+from pdhpc.scene.overlap import distance, meet, overlap, reaches
 from pdhpc.scene.schema import COMPONENTS, KIND, POISSONS_RATIO
+from pdhpc.scene.sentences import listed, nearest
 
-_WHOLE = 1e-6  # relative to the spacing: how closely a box must hold a whole number of cells
+_WHOLE = 1e-6  # of a spacing: how closely a box must hold a whole number of cells, and bodies may overlap
 _MOST_CELLS = 2**53
 _MOST_TIMES = 10**6
+_MOST_STEPS = 1e12
+_FARTHEST = 1e9  # spacings from the origin up to which doubles resolve the lattice
 
 
 def check(scene):
@@ -17,14 +19,10 @@ def check(scene):
     _check_regions(scene)
     _check_cracks(scene)
     _check_loads(scene)
-    _check_times(scene)
+    _check_time(scene)
+    _check_output(scene)
     _check_probes(scene)
-
-
-def nearest(word, words):
-    """Return ' (did you mean "..."?)' for the nearest of `words`, or nothing."""
-    found = difflib.get_close_matches(str(word), [str(each) for each in words], n=1, cutoff=0.5)
-    return f' (did you mean "{found[0]}"?)' if found else ""
+    _check_curves_and_tips(scene)
 
 
 def section(name, number, table):
@@ -43,18 +41,17 @@ def _within(where, action, *arguments):
 
 def _named(tables, name):
     """Raise a Rule when two tables share a name."""
-    seen = set()
+    seen = {}
     for number, table in enumerate(tables):
         if table.name is not None and table.name in seen:
-            raise Rule(f"{name}[{number}]: name", f'"{table.name}"', f"a name that no other {name} has")
-        seen.add(table.name)
+            raise Rule(f"{name}[{number}]: name", f'"{table.name}", which {name}[{seen[table.name]}] has too', f"a name that no other {name} has")
+        seen[table.name] = number
 
 
-def _reference(where, key, name, names, what):
+def _reference(key, name, names, what):
     """Raise a Rule unless `name` is one of `names`."""
     if name not in names:
-        allowed = f"the name of a {what} ({', '.join(sorted(names)) or 'none is defined'}){nearest(name, names)}"
-        raise Rule(f"{where}: {key}", f'"{name}"', allowed)
+        raise Rule(key, f'"{name}"', f"the name of a {what} ({listed(sorted(names)) or 'none is defined'}){nearest(name, names)}")
 
 
 def _check_particles(scene):
@@ -70,105 +67,116 @@ def _check_particles(scene):
 def _check_materials(scene):
     _named(scene.material, "material")
     used = {body.material for body in scene.body}
-    for number, body in enumerate(scene.body):
-        _reference(section("body", number, body), "material", body.material, [material.name for material in scene.material], "material")
+    expected = POISSONS_RATIO[scene.dimension]
     for number, material in enumerate(scene.material):
         where = section("material", number, material)
-        expected = POISSONS_RATIO[scene.dimension]
         if material.poissons_ratio is not None and abs(material.poissons_ratio - expected) > 1e-3:
             words = "1/3" if scene.dimension == "plane_stress" else "1/4"
-            raise Rule(f"{where}: poissons_ratio", material.poissons_ratio, f"{words} or no value: a bond-based material fixes it in {scene.dimension}")
+            allowed = f'{words} (or no such key): a bond-based material fixes it in dimension = "{scene.dimension}"'
+            raise Rule(f"{where}: poissons_ratio", material.poissons_ratio, allowed)
         if material.energy_release_rate is not None and material.critical_stretch is not None:
-            raise Rule(f"{where}: critical_stretch", material.critical_stretch, "one of energy_release_rate and critical_stretch, not both")
-        if material.name not in used:
-            raise Rule(f"{where}: name", f'"{material.name}"', "a material that a body uses; this one is unused")
+            raise Rule(f"{where}: critical_stretch", f"{material.critical_stretch} beside energy_release_rate", "one of the two, not both")
+    names = [material.name for material in scene.material]
+    for number, body in enumerate(scene.body):
+        _reference(f"{section('body', number, body)}: material", body.material, names, "material")
+    for name in names:
+        if name not in used:
+            raise Rule(f"material '{name}': name", f'"{name}", which no body uses', "a material that a body uses")
 
 
 def _check_bodies(scene):
     _named(scene.body, "body")
-    spacing, boxes, cells = scene.particles.spacing, [], 0
+    spacing, cells = scene.particles.spacing, 0
     for number, body in enumerate(scene.body):
         where = section("body", number, body)
         _within(where, body.check, scene.dim)
-        lower, upper = body.bounding_box()
-        sides = [high - low for low, high in zip(lower, upper)]
-        if body.shape == "box":
-            for axis, side in zip("xyz", sides):
-                _check_side(where, axis, side, spacing, body.upper)
-        size = 1.0
-        for side in sides:
-            size *= max(1.0, side / spacing)
-        cells += size
+        _within(where, _check_cells, body, spacing)
+        cells += _cells(body, spacing)
         if cells > _MOST_CELLS:
             raise Rule("particles.spacing", spacing, f"a spacing that fills the bodies with fewer than 2^53 particles (here about {cells:.3g})")
-        for index, hole in enumerate(body.hole):
-            inner = f"{where}: hole[{index}]"
-            _within(inner, hole.check, scene.dim)
-            if hole.shape != "half_space" and not _meet((lower, upper), hole.bounding_box()):
-                raise Rule(f"{inner}: shape", f'"{hole.shape}" outside the body', "a hole that meets its body")
-        for other, box in boxes:
-            if body.shape == "box" == box[2] and _meet((lower, upper), box[:2], -1e-6 * spacing):
-                raise Rule(f"{where}: lower", lower, f"a body that does not overlap body '{other}'")
-        boxes.append((body.name, (lower, upper, body.shape)))
+        _check_holes(where, body, scene.dim)
+        for other in scene.body[:number]:
+            if overlap(body, other, _WHOLE * spacing):
+                key = "lower" if body.shape == "box" else "start" if body.shape == "cylinder" else "center"
+                raise Rule(f"{where}: {key}", getattr(body, key), f"a body that does not overlap body '{other.name}' (touching is fine, and lying in its hole)")
 
 
-def _check_side(where, axis, side, spacing, upper):
-    """Raise a Rule unless a box side is a whole number of spacings."""
-    count = max(1, round(side / spacing))
-    if abs(side - count * spacing) > _WHOLE * spacing * max(1.0, 1e-3 * count):
-        raise Rule(f"{where}: upper", upper, f"a box whose {axis} side ({side:g} m) is a whole number of spacings; the nearest is {count * spacing:.10g} m")
+def _check_cells(body, spacing):
+    """Raise a Rule unless the lattice fits the body: a box holds whole cells, and doubles resolve the coordinates."""
+    lower, upper = body.bounding_box()
+    farthest = max(abs(x) for x in lower + upper)
+    if farthest > _FARTHEST * spacing:
+        raise Rule("shape", f'"{body.shape}" that reaches to {farthest:g} m', f"coordinates within 1e9 spacings ({_FARTHEST * spacing:g} m) of the origin")
+    for axis, low, high in zip("xyz", lower, upper):
+        count = max(1, round((high - low) / spacing))
+        if body.shape == "box" and abs(high - low - count * spacing) > _WHOLE * spacing + 1e-15 * farthest:
+            size = f"{axis} side ({high - low:.10g} m)"
+            raise Rule("upper", body.upper, f"a box whose {size} is a whole number of spacings; the nearest is {count * spacing:.10g} m")
 
 
-def _meet(first, second, slack=0.0):
-    """Whether two bounding boxes touch or overlap (by more than -slack)."""
-    return all(a <= d + slack and c <= b + slack for a, b, c, d in zip(first[0], first[1], second[0], second[1]))
+def _cells(body, spacing):
+    """Return about how many lattice cells the bounding box of a body holds."""
+    number = 1.0
+    for low, high in zip(*body.bounding_box()):
+        number *= max(1.0, (high - low) / spacing)
+    return number
 
 
-def _meets_a_body(scene, box):
-    return any(_meet(box, body.bounding_box()) for body in scene.body)
+def _check_holes(where, body, dim):
+    for number, hole in enumerate(body.hole):
+        _within(f"{where}: hole[{number}]", hole.check, dim)
+        if not reaches(hole, body.bounding_box()):
+            raise Rule(f"{where}: hole[{number}]: shape", f'"{hole.shape}" outside the body', "a hole that meets its body")
 
 
 def _check_regions(scene):
     _named(scene.region, "region")
-    _check_region_names(scene)
-    used = {each.region for group in (scene.load, scene.initial, scene.tip, scene.probe) for each in group if each.region is not None}
-    used |= set(scene.damage.no_fail)
+    bodies = {body.name: body.bounding_box() for body in scene.body}
     for number, region in enumerate(scene.region):
         where = section("region", number, region)
         if region.name == "all":
             raise Rule(f"{where}: name", '"all"', "another name: all is built in and holds every particle")
         _within(where, region.check, scene.dim)
         if region.body is not None:
-            _reference(where, "body", region.body, [body.name for body in scene.body], "body")
-        if not _meets_a_body(scene, region.bounding_box()):
-            raise Rule(f"{where}: shape", f'"{region.shape}" outside every body, which selects no particle', "a region that holds at least one particle")
-        if region.name not in used:
-            raise Rule(f"{where}: name", f'"{region.name}"', "a region that a load, initial state, probe, tip or no_fail uses; this one is unused")
+            _reference(f"{where}: body", region.body, bodies, "body")
+        boxes = bodies.values() if region.body is None else [bodies[region.body]]
+        if not any(reaches(region, box) for box in boxes):
+            outside = "every body" if region.body is None else f"body '{region.body}'"
+            raise Rule(f"{where}: shape", f'"{region.shape}" outside {outside}, which selects no particle', "a region that holds at least one particle")
+    _check_uses_of_regions(scene)
 
 
-def _check_region_names(scene):
-    """Raise a Rule for the first reference to a region that is not there."""
-    names = [region.name for region in scene.region] + ["all"]
-    for group in ("load", "initial", "tip", "probe"):
-        for number, table in enumerate(getattr(scene, group)):
+def _check_uses_of_regions(scene):
+    """Raise a Rule for a region that is used but not there, or there but not used."""
+    groups = (("load", scene.load), ("initial", scene.initial), ("probe", scene.probe), ("tip", scene.tip))
+    names, used = [region.name for region in scene.region] + ["all"], set(scene.damage.no_fail)
+    for number, name in enumerate(scene.damage.no_fail):
+        _reference(f"damage.no_fail[{number}]", name, names, "region")
+        if name in scene.damage.no_fail[:number]:
+            raise Rule(f"damage.no_fail[{number}]", f'"{name}" again', "each region once")
+    for group, tables in groups:
+        for number, table in enumerate(tables):
             if table.region is not None:
-                _reference(section(group, number, table), "region", table.region, names, "region")
-    for name in scene.damage.no_fail:
-        _reference("damage", "no_fail", name, names, "region")
+                _reference(f"{section(group, number, table)}: region", table.region, names, "region")
+                used.add(table.region)
+    for region in scene.region:
+        if region.name not in used:
+            found = f'"{region.name}", which nothing uses'
+            raise Rule(f"region '{region.name}': name", found, "a region that a load, initial, probe, tip or damage.no_fail uses")
 
 
 def _check_cracks(scene):
-    _named([crack for crack in scene.crack if crack.name], "crack")
+    _named(scene.crack, "crack")
     for number, crack in enumerate(scene.crack):
         where = section("crack", number, crack)
         _within(where, crack.check, scene.dim)
-        if not _meets_a_body(scene, crack.bounding_box()):
-            raise Rule(f"{where}: {'points' if crack.type == 'polyline' else 'center' if crack.type == 'disk' else 'corner'}",
-                       "a crack outside every body", "a crack that crosses a body")
+        if not any(meet(crack.bounding_box(), body.bounding_box()) for body in scene.body):
+            key = {"polyline": "points", "rectangle": "corner", "disk": "center"}[crack.type]
+            raise Rule(f"{where}: {key}", "a crack outside every body", "a crack that crosses a body")
 
 
 def _check_loads(scene):
-    _named([load for load in scene.load if load.name], "load")
+    _named(scene.load, "load")
     held = {}
     for number, load in enumerate(scene.load):
         where = section("load", number, load)
@@ -184,51 +192,58 @@ def _check_loads(scene):
         _within(f"initial[{number}]", initial.check, scene.dim)
 
 
-def _check_times(scene):
-    time, output = scene.time, scene.output
-    if time.safety > 1:
-        raise Rule("time.safety", time.safety, "a number above 0 and at most 1")
-    if time.dt != "auto" and time.dt > time.end:
-        raise Rule("time.dt", time.dt, f"a step of at most time.end = {time.end:g} s")
+def _check_time(scene):
+    time = scene.time
+    if time.dt != "auto" and not time.end / _MOST_STEPS <= time.dt <= time.end:
+        raise Rule("time.dt", time.dt, f'"auto" or a step from time.end/1e12 = {time.end / _MOST_STEPS:g} s to time.end = {time.end:g} s')
+
+
+def _check_output(scene):
+    end, output = scene.time.end, scene.output
     given = [name for name in ("every", "frames", "times") if getattr(output, name) is not None]
     if len(given) > 1:
-        raise Rule(f"output.{given[1]}", getattr(output, given[1]), f"only one of every, frames and times ({given[0]} is given too)")
-    for number in output.times or []:
-        if not 0 < number <= time.end * (1 + 1e-12):
-            raise Rule("output.times", number, f"times above 0 and up to time.end = {time.end:g} s")
+        raise Rule(f"output.{given[1]}", f"{getattr(output, given[1])} beside output.{given[0]}", "only one of every, frames and times")
+    last = 0.0
+    for number, time in enumerate(output.times or []):
+        if not last < time <= end * (1 + 1e-12):
+            raise Rule(f"output.times[{number}]", time, f"a time after {last:g} s and up to time.end = {end:g} s: times increase")
+        last = time
     for name in ("every", "history_every"):
         interval = getattr(output, name)
-        if interval is not None and not time.end / _MOST_TIMES <= interval <= time.end * (1 + 1e-12):
-            raise Rule(f"output.{name}", interval, f"an interval from {time.end / _MOST_TIMES:g} s up to time.end = {time.end:g} s")
-    if (output.frames or 1) > _MOST_TIMES:
-        raise Rule("output.frames", output.frames, f"at most {_MOST_TIMES} frames")
-    twice = [name for name in output.fields if output.fields.count(name) > 1]
-    if twice:
-        raise Rule("output.fields", f'"{twice[0]}" twice', "each field once")
+        if interval is not None and not end / _MOST_TIMES <= interval <= end * (1 + 1e-12):
+            raise Rule(f"output.{name}", interval, f"an interval from {end / _MOST_TIMES:g} s up to time.end = {end:g} s")
+    for number, name in enumerate(output.fields):
+        if name in output.fields[:number]:
+            raise Rule(f"output.fields[{number}]", f'"{name}" again', "each field once")
 
 
 def _check_probes(scene):
-    for group in ("probe", "curve", "tip"):
-        _named(getattr(scene, group), group)
-    columns = set()
+    _named(scene.probe, "probe")
     for number, probe in enumerate(scene.probe):
         where = section("probe", number, probe)
-        check_one = [name for name in ("point", "region") if getattr(probe, name) is not None]
-        if len(check_one) != 1:
-            raise Rule(f"{where}: point", "and region both given" if check_one else "nothing", "exactly one of point and region")
-        _within(where, check_vector, "point", probe.point, scene.dim)
+        if (probe.point is None) == (probe.region is None):
+            found = "nothing, and no region" if probe.point is None else f"{probe.point} beside region"
+            raise Rule(f"{where}: point", found, "exactly one of point and region")
         if probe.quantity == "reaction" and probe.region is None:
-            raise Rule(f"{where}: quantity", '"reaction"', "a region: a single point has no reaction")
-        columns |= {f"{probe.name}.{probe.quantity}{suffix}" for suffix in COMPONENTS[scene.dim][KIND[probe.quantity]]}
+            raise Rule(f"{where}: quantity", '"reaction" at a point', "a reaction over a region, or another quantity")
+        if probe.point is not None:
+            _within(where, check_vector, "point", probe.point, scene.dim)
+            if min(distance(probe.point, body.bounding_box()) for body in scene.body) > scene.particles.horizon:
+                raise Rule(f"{where}: point", probe.point, "a point in a body, or within a horizon of one")
+
+
+def _check_curves_and_tips(scene):
+    _named(scene.curve, "curve")
+    _named(scene.tip, "tip")
+    probes = {probe.name for probe in scene.probe}
+    columns = [f"{probe.name}.{probe.quantity}{end}" for probe in scene.probe for end in COMPONENTS[scene.dim][KIND[probe.quantity]]]
     for number, curve in enumerate(scene.curve):
         for name in ("x", "y"):
-            _reference(section("curve", number, curve), name, getattr(curve, name), columns, "probe component")
+            _reference(f"{section('curve', number, curve)}: {name}", getattr(curve, name), columns, "probe's component")
     for number, tip in enumerate(scene.tip):
         where = section("tip", number, tip)
-        if tip.name in {probe.name for probe in scene.probe}:
-            raise Rule(f"{where}: name", f'"{tip.name}"', "a name that no probe has")
+        if tip.name in probes:
+            raise Rule(f"{where}: name", f'"{tip.name}", which a probe has', "a name that no probe has")
         _within(where, check_direction, "direction", tip.direction, scene.dim)
-        if tip.threshold >= 1:
-            raise Rule(f"{where}: threshold", tip.threshold, "a number above 0 and below 1")
-        if tip.window > scene.time.end:
+        if tip.window > scene.time.end and "window" in tip.model_fields_set:
             raise Rule(f"{where}: window", tip.window, f"at most time.end = {scene.time.end:g} s")

@@ -1,29 +1,24 @@
-"""The scene: every key with its meaning, unit and source, and the rules that hold between keys."""
-import math
-from typing import Annotated, Any, List, Literal, Optional, Union
+"""The scene: every key with its meaning, unit and source. The rules between keys stand in rules.py."""
+from typing import Annotated, List, Literal, Optional
 
-from pydantic import BeforeValidator, PrivateAttr
+from pydantic import PrivateAttr
 
-from pdhpc.scene.fields import Flag, Name, Names, Number, Numbers, Positive, Table, Text, Vector, Whole, _list, _optional_list, key
+from pdhpc.scene.fields import (
+    AutoOrPositive, Filled, Flag, Fraction, Listed, Name, Names, Number, Numbers, Positive, Share, Table, Text, Vector, Whole, key, show,
+)
 from pdhpc.scene.loads import Initial, Load
 from pdhpc.scene.shapes import Body, Crack, Region
 
+FRAMES = 20  # frames when the scene does not say when
 POISSONS_RATIO = {"plane_stress": 1 / 3, "plane_strain": 1 / 4, "3d": 1 / 4}
 COMPONENTS = {
     2: {"vector": ["_x", "_y"], "tensor": ["_xx", "_yy", "_xy"], "scalar": [""]},
     3: {"vector": ["_x", "_y", "_z"], "tensor": ["_xx", "_yy", "_zz", "_xy", "_xz", "_yz"], "scalar": [""]},
 }
-KIND = {"displacement": "vector", "velocity": "vector", "force_density": "vector", "reaction": "vector", "stress": "tensor", "strain": "tensor", "damage": "scalar"}
+KIND = {
+    **dict.fromkeys(("displacement", "velocity", "force_density", "reaction"), "vector"), **dict.fromkeys(("stress", "strain"), "tensor"), "damage": "scalar",
+}
 FieldName = Literal["displacement", "velocity", "damage", "precrack", "force_density", "stress", "strain", "strain_energy_density"]
-
-
-def _auto_or_positive(value: Any):
-    """Take "auto" or a number above 0."""
-    if value == "auto":
-        return value
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value) or value <= 0:
-        raise ValueError('"auto" or a number above 0')
-    return float(value)
 
 
 class Particles(Table):
@@ -31,13 +26,14 @@ class Particles(Table):
 
     spacing: Positive = key("distance h between neighbouring particles of the lattice", "m")
     horizon: Positive = key("distance delta up to which particles are bonded, at least 2 spacings", "m")
-    thickness: Optional[Positive] = key("thickness of a 2D body (default 1)", "m", default=None)
+    thickness: Optional[Positive] = key("thickness of a 2D body (default 1); none in 3D", "m", default=None)
     influence: Literal["constant", "inverse_distance", "gaussian"] = key(
-        "influence function of the bond length r", "", "omega = 1, delta/r, exp(-(r/delta)^2)", default="constant")
+        "influence function omega of the bond length r", "", "omega = 1, delta/r, exp(-(r/delta)^2)", default="constant")
     volume_correction: Literal["linear", "none"] = key(
         "partial volumes at the horizon's edge", "", "beta = min(1, (delta + h/2 - r)/h), families up to delta + h/2; Hu, Ha & Bobaru 2010", default="linear")
     kinematics: Literal["finite", "linear"] = key(
-        "stretch of a bond: of its deformed length, or linearised", "", "s = |xi + eta|/|xi| - 1, or xi.eta/|xi|^2; Silling & Askari 2005", default="finite")
+        "stretch of a bond xi with relative displacement eta: of its deformed length, or linearised", "",
+        "s = |xi + eta|/|xi| - 1, or xi.eta/|xi|^2; Silling & Askari 2005", default="finite")
 
 
 class Material(Table):
@@ -46,8 +42,10 @@ class Material(Table):
     name: Name = key("name of the material")
     model: Literal["pmb"] = key("bond-based prototype microelastic brittle material", "", "Silling 2000; Silling & Askari 2005", default="pmb")
     density: Positive = key("mass density", "kg/m^3")
-    youngs_modulus: Positive = key("Young's modulus E", "Pa", "3D: c = 12 E/(pi delta^4); plane stress: 9 E/(pi t delta^3); plane strain: 48 E/(5 pi t delta^3)")
-    poissons_ratio: Optional[Number] = key("Poisson's ratio, fixed by the model: 1/4 in 3D and plane strain, 1/3 in plane stress", default=None)
+    youngs_modulus: Positive = key(
+        "Young's modulus E", "Pa", "3D: c = 12 E/(pi delta^4); plane stress: 9 E/(pi t delta^3); plane strain: 48 E/(5 pi t delta^3)")
+    poissons_ratio: Optional[Number] = key(
+        "Poisson's ratio, fixed by the model: 1/4 in 3D and plane strain, 1/3 in plane stress", "1", "Silling 2000", default=None)
     energy_release_rate: Optional[Positive] = key(
         "energy G per crack area; sets the critical stretch", "J/m^2",
         "3D: s0 = sqrt(5 G/(6 E delta)); plane stress: sqrt(4 pi G/(9 E delta)); plane strain: sqrt(5 pi G/(12 E delta)), constant influence", default=None)
@@ -64,9 +62,10 @@ class TimeSpan(Table):
     """Time integration by velocity Verlet."""
 
     end: Positive = key("end of the run", "s")
-    dt: Annotated[Union[float, str], BeforeValidator(_auto_or_positive)] = key(
-        'time step; "auto": safety times the critical step', "s", "dt_c = sqrt(2 min rho/|A|), A = sum c omega beta V/|xi| e (x) e (bound on the assembled bonds)", default="auto")
-    safety: Positive = key("share of the critical step that auto takes, at most 1", default=0.9)
+    dt: AutoOrPositive = key(
+        'time step; "auto": safety times the critical step', "s",
+        "dt_c = sqrt(2 min rho/|A|), A = sum c omega beta V/|xi| e (x) e (bound on the assembled bonds)", default="auto")
+    safety: Share = key("share of the critical step that auto takes, at most 1", "1", default=0.9)
     allow_unstable: Flag = key("accept a dt above the critical step", default=False)
 
 
@@ -74,10 +73,10 @@ class Output(Table):
     """What is written, and when."""
 
     every: Optional[Positive] = key("interval between frames of fields", "s", default=None)
-    frames: Optional[Whole] = key("number of evenly spaced frames after t = 0 (default 20)", default=None)
-    times: Optional[Numbers] = key("times of frames", "s", default=None)
-    fields: Annotated[List[FieldName], BeforeValidator(_list)] = key("fields of each frame", default=["displacement", "damage"])
-    history_every: Optional[Positive] = key("interval between rows of history.csv (rows at frames are always there)", "s", default=None)
+    frames: Optional[Whole] = key("number of evenly spaced frames after t = 0 (default 20, unless every or times is given)", "1", default=None)
+    times: Optional[Numbers] = key("times of frames, increasing", "s", default=None)
+    fields: Annotated[List[FieldName], Filled] = key("fields of each frame", default=["displacement", "damage"])
+    history_every: Optional[Positive] = key("interval between rows of history.csv, beside those at the frames", "s", default=None)
     pictures: Flag = key("draw pictures at the end", default=True)
 
 
@@ -103,13 +102,18 @@ class Tip(Table):
     """A crack tip to follow: the foremost damaged particle along a direction."""
 
     name: Name = key("name of the tip")
-    direction: Optional[Vector] = key("direction of growth (default x)", default=None)
+    direction: Optional[Vector] = key("direction of growth, of any length (default x)", "1", default=None)
     region: Name = key("region the tip is looked for in", default="all")
-    threshold: Positive = key("damage grown that counts as cracked, below 1", default=0.35)
+    threshold: Fraction = key("damage grown since the start that counts as cracked", "1", default=0.35)
     window: Positive = key("time over which the speed is averaged", "s", default=1e-6)
 
 
-Tables, MaybeTables = BeforeValidator(_list), BeforeValidator(_optional_list)
+class SceneError(ValueError):
+    """Bad input: one sentence with file, key, what was found and what is allowed; `where` is the key, as the sentence names it."""
+
+    def __init__(self, sentence, where=""):
+        super().__init__(sentence)
+        self.where = where
 
 
 class Scene(Table):
@@ -119,18 +123,18 @@ class Scene(Table):
     model: Literal["particles"] = key("method", default="particles")
     dimension: Literal["plane_stress", "plane_strain", "3d"] = key("dimension of the body")
     particles: Particles = key("discretisation")
-    material: Annotated[List[Material], Tables] = key("materials")
-    body: Annotated[List[Body], Tables] = key("bodies")
-    region: Annotated[List[Region], MaybeTables] = key("named sets of particles", default=[])
-    crack: Annotated[List[Crack], MaybeTables] = key("pre-cracks: bonds that cross them are cut at the start", default=[])
+    material: Annotated[List[Material], Filled] = key("materials")
+    body: Annotated[List[Body], Filled] = key("bodies")
+    region: Annotated[List[Region], Listed] = key("named sets of particles", default=[])
+    crack: Annotated[List[Crack], Listed] = key("pre-cracks: bonds that cross them are cut at the start", default=[])
     damage: Damage = key("where bonds may break", default=Damage())
-    load: Annotated[List[Load], MaybeTables] = key("loads and prescribed motions", default=[])
-    initial: Annotated[List[Initial], MaybeTables] = key("initial states", default=[])
+    load: Annotated[List[Load], Listed] = key("loads and prescribed motions", default=[])
+    initial: Annotated[List[Initial], Listed] = key("initial states", default=[])
     time: TimeSpan = key("time integration")
     output: Output = key("output", default=Output())
-    probe: Annotated[List[Probe], MaybeTables] = key("probes", default=[])
-    curve: Annotated[List[Curve], MaybeTables] = key("curves drawn from probes", default=[])
-    tip: Annotated[List[Tip], MaybeTables] = key("crack tips to follow", default=[])
+    probe: Annotated[List[Probe], Listed] = key("probes", default=[])
+    curve: Annotated[List[Curve], Listed] = key("curves drawn from probes", default=[])
+    tip: Annotated[List[Tip], Listed] = key("crack tips to follow", default=[])
     _source: str = PrivateAttr(default="scene")
 
     @property
@@ -150,18 +154,29 @@ class Scene(Table):
 
     def error(self, where, found, allowed):
         """Return the SceneError that says what was found at the key `where` and what is allowed."""
-        return SceneError(f"{self._source}: {where} = {found}; allowed is {allowed}")
+        return SceneError(f"{self._source}: {where} = {found if isinstance(found, str) else show(found)}; allowed is {allowed}", where)
 
     def resolved(self):
-        """Return the scene as a dict of plain values, defaults filled in."""
-        return self.model_dump(mode="json", exclude_none=True)
+        """Return the scene as a dict of plain values with every default filled in that has a value; read.scene_from_dict takes it back."""
+        data = self.model_dump(mode="json", exclude_none=True)
+        if self.dim == 2:
+            data["particles"].setdefault("thickness", self.thickness)
+        for material in data["material"]:
+            material.setdefault("poissons_ratio", POISSONS_RATIO[self.dimension])
+        for initial in data["initial"]:
+            initial.setdefault("origin", [0.0] * self.dim)
+        for tip in data["tip"]:
+            tip.setdefault("direction", [1.0, 0.0, 0.0][: self.dim])
+        if self.output.every is None and self.output.times is None:
+            data["output"].setdefault("frames", FRAMES)
+        return data
 
     def output_times(self):
         """Return the times of frames after t = 0, s."""
         setting = self.output
         if setting.times is not None:
             return list(setting.times)
-        count = setting.frames or 20
+        count = setting.frames or FRAMES
         if setting.every is not None:
             return multiples(setting.every, self.time.end)
         return [self.time.end * (number + 1) / count for number in range(count)]
@@ -170,10 +185,6 @@ class Scene(Table):
         """Return the times of rows of history.csv after t = 0, beside those of frames, s."""
         every = self.output.history_every
         return [] if every is None else multiples(every, self.time.end)
-
-
-class SceneError(ValueError):
-    """Bad input: one sentence with file, key, what was found and what is allowed."""
 
 
 def multiples(interval, end):

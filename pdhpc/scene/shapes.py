@@ -1,9 +1,9 @@
 """Shapes of bodies, holes, regions and pre-cracks as tables of the scene."""
 from typing import Annotated, List, Literal, Optional, Union
 
-from pydantic import BeforeValidator, Discriminator, Tag
+from pydantic import Field
 
-from pdhpc.scene.fields import Matrix, Name, Positive, Rule, Table, Vector, _optional_list, check_direction, check_vector, key, length
+from pdhpc.scene.fields import Listed, Matrix, Name, Positive, Rule, Table, Vector, check_direction, check_vector, key, length
 
 
 class ShapeTable(Table):
@@ -14,6 +14,12 @@ class ShapeTable(Table):
 
     def bounding_box(self):
         """Return (lower, upper), m."""
+
+
+def _only_in(dimension, dim, word, kind, instead):
+    """Raise a Rule when a kind of shape does not exist in `dim` dimensions."""
+    if dim != dimension:
+        raise Rule(word, f'"{kind}"', f"{instead} in {dim}D")
 
 
 class BoxShape(ShapeTable):
@@ -35,38 +41,35 @@ class BoxShape(ShapeTable):
         return list(self.lower), list(self.upper)
 
 
-class DiskShape(ShapeTable):
-    """Disk in 2D."""
-
-    shape: Literal["disk"] = key("disk, 2D")
+class _Round(ShapeTable):
     center: Vector = key("centre", "m")
     radius: Positive = key("radius", "m")
-
-    def check(self, dim):
-        """Raise a Rule in 3D."""
-        if dim == 3:
-            raise Rule("shape", '"disk"', "box, sphere, cylinder or half_space in 3D")
-        check_vector("center", self.center, dim)
 
     def bounding_box(self):
         """Return (lower, upper), m."""
         return [x - self.radius for x in self.center], [x + self.radius for x in self.center]
 
 
-class SphereShape(ShapeTable):
+class DiskShape(_Round):
+    """Disk in 2D."""
+
+    shape: Literal["disk"] = key("disk, 2D")
+
+    def check(self, dim):
+        """Raise a Rule in 3D."""
+        _only_in(2, dim, "shape", "disk", "box, sphere or cylinder")
+        check_vector("center", self.center, dim)
+
+
+class SphereShape(_Round):
     """Ball in 3D."""
 
     shape: Literal["sphere"] = key("ball, 3D")
-    center: Vector = key("centre", "m")
-    radius: Positive = key("radius", "m")
 
     def check(self, dim):
         """Raise a Rule in 2D."""
-        if dim == 2:
-            raise Rule("shape", '"sphere"', "box, disk or half_space in 2D")
+        _only_in(3, dim, "shape", "sphere", "box or disk")
         check_vector("center", self.center, dim)
-
-    bounding_box = DiskShape.bounding_box
 
 
 class CylinderShape(ShapeTable):
@@ -79,17 +82,20 @@ class CylinderShape(ShapeTable):
 
     def check(self, dim):
         """Raise a Rule in 2D or for ends that coincide."""
-        if dim == 2:
-            raise Rule("shape", '"cylinder"', "box, disk or half_space in 2D")
+        _only_in(3, dim, "shape", "cylinder", "box or disk")
         check_vector("start", self.start, dim)
         check_vector("end", self.end, dim)
-        if self.start == self.end:
+        if length(self.axis()) == 0:
             raise Rule("end", self.end, "a point other than start")
 
+    def axis(self):
+        """Return the vector from start to end, m."""
+        return [b - a for a, b in zip(self.start, self.end)]
+
     def bounding_box(self):
-        """Return (lower, upper), m."""
-        span = length([b - a for a, b in zip(self.start, self.end)])
-        reach = [self.radius * max(0.0, 1 - ((b - a) / span) ** 2) ** 0.5 for a, b in zip(self.start, self.end)]
+        """Return (lower, upper), m: a disc of radius R and unit normal n reaches R sqrt(1 - n_i^2) along axis i."""
+        span = length(self.axis())
+        reach = [self.radius * max(0.0, 1 - (x / span) ** 2) ** 0.5 for x in self.axis()]
         lower = [min(a, b) - r for a, b, r in zip(self.start, self.end, reach)]
         return lower, [max(a, b) + r for a, b, r in zip(self.start, self.end, reach)]
 
@@ -99,7 +105,7 @@ class HalfSpaceShape(ShapeTable):
 
     shape: Literal["half_space"] = key("all points on one side of a line or plane")
     point: Vector = key("point on the boundary", "m")
-    normal: Vector = key("direction into the half space")
+    normal: Vector = key("direction into the half space", "1")
 
     def check(self, dim):
         """Raise a Rule for a zero normal."""
@@ -111,50 +117,58 @@ class HalfSpaceShape(ShapeTable):
         return [-float("inf")] * len(self.point), [float("inf")] * len(self.point)
 
 
-class _Body(Table):
+def one_of(models, word):
+    """Return the union of table models told apart by the key `word`."""
+    return Annotated[Union[tuple(models)], Field(discriminator=word)]
+
+
+Hole = one_of([BoxShape, DiskShape, SphereShape, CylinderShape, HalfSpaceShape], "shape")
+
+
+class _Body(ShapeTable):
     name: Name = key("name of the body")
     material: Name = key("name of its material")
-    hole: Annotated[List["Hole"], BeforeValidator(_optional_list)] = key("shapes cut out of the body", default=[])
+    hole: Annotated[List[Hole], Listed] = key("shapes cut out of the body", default=[])
 
 
-class _Region(Table):
+class _Region(ShapeTable):
     name: Name = key("name of the region")
     body: Optional[Name] = key("only particles of this body", default=None)
 
 
-class BoxBody(_Body, BoxShape):
+class BoxBody(BoxShape, _Body):
     """Box filled with a lattice."""
 
 
-class DiskBody(_Body, DiskShape):
+class DiskBody(DiskShape, _Body):
     """Disk filled with a lattice."""
 
 
-class SphereBody(_Body, SphereShape):
+class SphereBody(SphereShape, _Body):
     """Ball filled with a lattice."""
 
 
-class CylinderBody(_Body, CylinderShape):
+class CylinderBody(CylinderShape, _Body):
     """Cylinder filled with a lattice."""
 
 
-class BoxRegion(_Region, BoxShape):
+class BoxRegion(BoxShape, _Region):
     """Region in a box."""
 
 
-class DiskRegion(_Region, DiskShape):
+class DiskRegion(DiskShape, _Region):
     """Region in a disk."""
 
 
-class SphereRegion(_Region, SphereShape):
+class SphereRegion(SphereShape, _Region):
     """Region in a ball."""
 
 
-class CylinderRegion(_Region, CylinderShape):
+class CylinderRegion(CylinderShape, _Region):
     """Region in a cylinder."""
 
 
-class HalfSpaceRegion(_Region, HalfSpaceShape):
+class HalfSpaceRegion(HalfSpaceShape, _Region):
     """Region in a half space."""
 
 
@@ -170,10 +184,9 @@ class PolylineCrack(_Crack):
 
     def check(self, dim):
         """Raise a Rule in 3D, for fewer than two points, or for a segment without length."""
-        if dim == 3:
-            raise Rule("type", '"polyline"', "rectangle or disk in 3D")
-        for point in self.points:
-            check_vector("points", point, dim)
+        _only_in(2, dim, "type", "polyline", "rectangle or disk")
+        for number, point in enumerate(self.points):
+            check_vector(f"points[{number}]", point, dim)
         if len(self.points) < 2 or any(a == b for a, b in zip(self.points[:-1], self.points[1:])):
             raise Rule("points", self.points, "at least two points, each different from the one before")
 
@@ -192,8 +205,7 @@ class RectangleCrack(_Crack):
 
     def check(self, dim):
         """Raise a Rule in 2D or for parallel edges."""
-        if dim == 2:
-            raise Rule("type", '"rectangle"', "polyline in 2D")
+        _only_in(3, dim, "type", "rectangle", "polyline")
         check_vector("corner", self.corner, dim)
         check_direction("edge1", self.edge1, dim)
         check_direction("edge2", self.edge2, dim)
@@ -213,13 +225,12 @@ class DiskCrack(_Crack):
 
     type: Literal["disk"] = key("penny-shaped crack, 3D")
     center: Vector = key("centre", "m")
-    normal: Vector = key("normal of its plane")
+    normal: Vector = key("normal of its plane", "1")
     radius: Positive = key("radius", "m")
 
     def check(self, dim):
         """Raise a Rule in 2D or for a zero normal."""
-        if dim == 2:
-            raise Rule("type", '"disk"', "polyline in 2D")
+        _only_in(3, dim, "type", "disk", "polyline")
         check_vector("center", self.center, dim)
         check_direction("normal", self.normal, dim)
 
@@ -230,19 +241,6 @@ class DiskCrack(_Crack):
         return [c - r for c, r in zip(self.center, reach)], [c + r for c, r in zip(self.center, reach)]
 
 
-def one_of(models, word):
-    """Return the union of table models told apart by the key `word`."""
-    def tag(value):
-        return value.get(word) if isinstance(value, dict) else getattr(value, word, None)
-
-    members = tuple(Annotated[model, Tag(model.model_fields[word].annotation.__args__[0])] for model in models)
-    return Annotated[Union[members], Discriminator(tag)]
-
-
-Hole = one_of([BoxShape, DiskShape, SphereShape, CylinderShape, HalfSpaceShape], "shape")
 Body = one_of([BoxBody, DiskBody, SphereBody, CylinderBody], "shape")
 Region = one_of([BoxRegion, DiskRegion, SphereRegion, CylinderRegion, HalfSpaceRegion], "shape")
 Crack = one_of([PolylineCrack, RectangleCrack, DiskCrack], "type")
-
-for model in (BoxBody, DiskBody, SphereBody, CylinderBody):
-    model.model_rebuild(_types_namespace={"Hole": Hole, "List": List, "Annotated": Annotated})

@@ -13,15 +13,40 @@ def test_loads_are_told_apart_by_their_type():
     assert LOAD.validate_python({"type": "gravity", "value": [0.0, -9.81]}).region == "all"
     with pytest.raises(ValidationError):
         LOAD.validate_python({"type": "traction", "region": "r", "value": [0.0, 1.0]})  # no face
+    with pytest.raises(ValidationError):
+        LOAD.validate_python({"type": "force_density", "value": [0.0, 1.0]})  # no region: only gravity acts on all by default
+    with pytest.raises(ValidationError):
+        LOAD.validate_python({"type": "force_density", "region": "r", "value": ["free", 1.0]})  # only motions have free components
+
+
+@pytest.mark.parametrize("table, dim, words", [
+    ({"type": "velocity", "region": "r", "value": ["free", "free"]}, 2, "at least one component that is a number"),
+    ({"type": "velocity", "region": "r", "value": [1.0, 2.0]}, 3, "3 components in 3D"),
+    ({"type": "traction", "region": "r", "value": [1.0, 2.0], "face": "-z"}, 2, 'face = "-z"'),
+    ({"type": "gravity", "value": [1.0, 2.0], "time": {"function": "ramp", "start": 1.0, "end": 1.0}}, 2, "time.end = 1.0"),
+])
+def test_impossible_loads(table, dim, words):
+    with pytest.raises(Rule, match=words):
+        LOAD.validate_python(table).check(dim)
 
 
 def test_time_functions():
     assert TIME.validate_python({"function": "sine", "frequency": 2.0}).phase == 0.0
+    assert TIME.validate_python({"function": "ramp", "end": 1.0}).start == 0.0
+    TIME.validate_python({"function": "table", "times": [0.0, 1.0], "values": [1.0, 0.0]}).check()
     with pytest.raises(Rule, match="after time.start"):
-        TIME.validate_python({"function": "ramp", "start": 2.0, "end": 1.0}).check(2)
+        TIME.validate_python({"function": "ramp", "start": 2.0, "end": 1.0}).check()
+    with pytest.raises(Rule, match="each after the one before"):
+        TIME.validate_python({"function": "table", "times": [0.0, 0.0], "values": [1.0, 0.0]}).check()
+    with pytest.raises(Rule, match="as many values as times"):
+        TIME.validate_python({"function": "table", "times": [0.0, 1.0], "values": [1.0]}).check()
 
 
 def test_initial_states():
     Initial(velocity=[1.0, 0.0]).check(2)
     with pytest.raises(Rule, match="at least one of"):
         Initial(region="r").check(2)
+    with pytest.raises(Rule, match="2 rows of 2 numbers"):
+        Initial(velocity_gradient=[[1.0, 0.0], [1.0]]).check(2)
+    with pytest.raises(Rule, match="origin"):
+        Initial(velocity=[1.0, 0.0], origin=[0.0]).check(2)

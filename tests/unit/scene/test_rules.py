@@ -37,21 +37,21 @@ def test_the_bases_are_valid():
 
 
 @pytest.mark.parametrize("extra, overrides, words", [
-    ("", ["particles.horizon=0.9"], ["particles.horizon = 0.9", "at least 2 spacings, 1 m"]),
+    ("", ["particles.horizon=0.9"], ["--set particles.horizon=0.9: particles.horizon = 0.9", "at least 2 spacings, 1 m"]),
     ("", ["particles.horizon=500.0"], ["at most 100 spacings"]),
     ("", ["material.m.poissons_ratio=0.2"], ["poissons_ratio = 0.2", "1/3", "bond-based"]),
     ("", ["material.m.energy_release_rate=1.0", "material.m.critical_stretch=0.1"], ["not both"]),
-    ("", ["body.b.material=wood"], ['material = "wood"', "m"]),
-    ('[[material]]\nname = "spare"\ndensity = 1.0\nyoungs_modulus = 1.0\n', [], ["'spare'", "unused"]),
+    ("", ["body.b.material=wood"], ['material = "wood"', "(m)"]),
+    ('[[material]]\nname = "spare"\ndensity = 1.0\nyoungs_modulus = 1.0\n', [], ["'spare'", "which no body uses"]),
     ('[[material]]\nname = "m"\ndensity = 1.0\nyoungs_modulus = 1.0\n', [], ["no other material has"]),
     ("", ["body.b.upper=[10.2, 5.0]"], ["whole number of spacings", "nearest is 10 m"]),
     ("", ["body.b.upper=[-1.0, 5.0]"], ["upper", "above lower"]),
     ("", ["body.b.upper=[10.0]"], ["1 components", "2 components"]),
-    ("", ["body.b.upper=[1e40, 5.0]"], ["spacing"]),
+    ("", ["body.b.upper=[1e40, 5.0]"], ["reaches to 1e+40 m", "within 1e9 spacings"]),
     ('[[body]]\nname = "c"\nmaterial = "m"\nshape = "box"\nlower = [9.5, 0.0]\nupper = [12.0, 5.0]\n', [], ["does not overlap", "body 'b'"]),
     ('[[body]]\nname = "c"\nmaterial = "m"\nshape = "sphere"\ncenter = [20.0, 0.0]\nradius = 1.0\n', [], ['"sphere"', "2D"]),
     ("", ['body.b.hole=[{shape="disk", center=[50.0, 0.0], radius=1.0}]'], ["hole[0]", "meets its body"]),
-    (REGION, [], ["region 'r'", "unused"]),
+    (REGION, [], ["region 'r'", "which nothing uses"]),
     (REGION.replace('"r"', '"all"'), [], ["all is built in"]),
     (REGION.replace("[1.0, 1.0]", "[-1.0, 1.0]"), [], ["above lower"]),
     (REGION.replace("[0.0, 0.0]", "[90.0, 0.0]").replace("[1.0, 1.0]", "[91.0, 1.0]") + LOAD, [], ["selects no particle"]),
@@ -70,9 +70,9 @@ def test_the_bases_are_valid():
     ('[[crack]]\ntype = "polyline"\npoints = [[2.0, 0.0], [2.0, 0.0]]\n', [], ["different from the one before"]),
     ('[[crack]]\ntype = "disk"\ncenter = [1.0, 1.0, 0.0]\nnormal = [0.0, 0.0, 1.0]\nradius = 1.0\n', [], ["polyline in 2D"]),
     ("", ["time.safety=1.5"], ["at most 1"]),
-    ("", ["time.dt=2.0"], ["at most time.end"]),
+    ("", ["time.dt=2.0"], ["to time.end = 1 s"]),
     ("", ["output.every=0.1", "output.frames=3"], ["only one of every, frames and times"]),
-    ("", ["output.times=[0.5, 2.0]"], ["up to time.end"]),
+    ("", ["output.times=[0.5, 2.0]"], ["output.times[1] = 2.0", "up to time.end"]),
     ("", ["output.every=1e-9"], ["an interval from"]),
     ("", ['output.fields=["damage", "damage"]'], ["each field once"]),
     ('[[probe]]\nname = "p"\nquantity = "stress"\n', [], ["exactly one of point and region"]),
@@ -80,13 +80,40 @@ def test_the_bases_are_valid():
     ('[[probe]]\nname = "p"\npoint = [1.0, 1.0]\nquantity = "velocity"\n[[curve]]\nname = "c"\nx = "p.velocity_x"\ny = "p.velocity_z"\n', [], ["p.velocity_z", "did you mean"]),
     ('[[tip]]\nname = "t"\ndirection = [0.0, 0.0]\n[[tip]]\nname = "u"\n', [], ["not zero"]),
     ('[[tip]]\nname = "t"\nthreshold = 1.0\n', [], ["below 1"]),
-    ("", ['damage.no_fail=["x"]'], ['no_fail = "x"', "region"]),
+    ('[[body]]\nname = "c"\nmaterial = "m"\nshape = "disk"\ncenter = [11.0, 2.5]\nradius = 1.5\n', [], ["body 'c': center = [11.0, 2.5]", "does not overlap body 'b'"]),
+    ('[[body]]\nname = "b"\nmaterial = "m"\nshape = "disk"\ncenter = [21.0, 2.5]\nradius = 1.5\n', [], ["body[1]: name = \"b\"", "no other body has"]),
+    ("", ["particles.spacing=1e-12", "particles.horizon=3e-12"], ["body 'b': shape", "within 1e9 spacings"]),
+    ("", ["particles.spacing=1e-7", "particles.horizon=3e-7", "body.b.upper=[50.0, 50.0]"], ["particles.spacing = 1e-07", "2^53"]),
+    (REGION + LOAD + REGION, [], ["region[1]: name = \"r\"", "no other region has"]),
+    ('[[region]]\nname = "r"\nshape = "half_space"\npoint = [11.0, 0.0]\nnormal = [2.0, 0.0]\n' + LOAD, [], ["half_space", "outside every body"]),
+    ('[[region]]\nname = "r"\nshape = "half_space"\npoint = [11.0, 0.0]\nnormal = [0.0, 0.0]\n' + LOAD, [], ["normal = [0.0, 0.0]", "not zero"]),
+    (REGION.replace("[0.0, 0.0]", "[11.0, 0.0]").replace("[1.0, 1.0]", '[12.0, 1.0]\nbody = "b"') + LOAD
+     + '[[body]]\nname = "c"\nmaterial = "m"\nshape = "box"\nlower = [10.0, 0.0]\nupper = [15.0, 5.0]\n', [], ["outside body 'b'"]),
+    (REGION, ['damage.no_fail=["r", "r"]'], ['no_fail[1] = "r" again', "each region once"]),
+    (REGION + LOAD + LOAD.replace('"l"', '"k"').replace("displacement", "velocity"), [], ["load 'k': value", '"free" in x']),
+    (REGION + LOAD, ["load.l.value=[1.0]"], ["load 'l': value = [1.0] (1 components)", "2 components"]),
+    ("", ["time.dt=1e-20"], ["time.dt = 1e-20", "a step from"]),
+    ("", ["output.times=[0.5, 0.5]"], ["output.times[1] = 0.5", "times increase"]),
+    ("", ["output.times=[0.0, 0.5]"], ["output.times[0] = 0.0", "after 0 s"]),
+    ("", ["output.times=[0.5]", "output.every=0.5"], ["output.times = [0.5] beside output.every", "only one"]),
+    ("", ["output.history_every=2.0"], ["history_every = 2.0", "up to time.end"]),
+    ('[[probe]]\nname = "p"\nquantity = "stress"\npoint = [1.0, 1.0]\nregion = "all"\n', [], ["beside region", "exactly one"]),
+    ('[[probe]]\nname = "p"\nquantity = "stress"\npoint = [12.0, 1.0]\n', [], ["probe 'p': point = [12.0, 1.0]", "within a horizon"]),
+    ('[[probe]]\nname = "p"\nquantity = "stress"\npoint = [1.0]\n', [], ["2 components"]),
+    ('[[probe]]\nname = "p"\nquantity = "stress"\npoint = [1.0, 1.0]\n' * 2, [], ["no other probe has"]),
+    ('[[probe]]\nname = "p"\nquantity = "stress"\nregion = "al"\n', [], ["probe 'p': region = \"al\"", 'did you mean "all"']),
+    ('[[curve]]\nname = "c"\nx = "p.velocity_x"\ny = "p.velocity_x"\n', [], ["curve 'c': x = \"p.velocity_x\"", "none is defined"]),
+    ('[[probe]]\nname = "p"\nquantity = "damage"\npoint = [1.0, 1.0]\n[[tip]]\nname = "p"\n', [], ["tip 'p': name", "a name that no probe has"]),
+    ('[[tip]]\nname = "t"\nwindow = 2.0\n', [], ["window = 2.0", "at most time.end"]),
+    ('[[initial]]\nregion = "al"\nvelocity = [1.0, 0.0]\n', [], ["initial[0]: region = \"al\"", 'did you mean "all"']),
+    ('[[tip]]\nname = "t"\nregion = "al"\n', [], ["tip 't': region = \"al\""]),
+    ("", ['damage.no_fail=["x"]'], ['no_fail[0] = "x"', "region"]),
 ])
 def test_each_rule_in_one_sentence(extra, overrides, words):
     with pytest.raises(SceneError) as caught:
         check(extra, *overrides)
     text = str(caught.value)
-    assert text.startswith("f: ") and "allowed is" in text and all(word in text for word in words), text
+    assert text.startswith(("f: ", "f with --set ")) and "allowed is" in text and all(word in text for word in words), text
 
 
 @pytest.mark.parametrize("extra, words", [
@@ -98,6 +125,34 @@ def test_each_rule_in_one_sentence(extra, overrides, words):
 def test_rules_of_three_dimensions(extra, words):
     with pytest.raises(SceneError, match=words):
         check(extra, *(["particles.thickness=1.0"] if not extra else []), base=BASE_3D)
+
+
+@pytest.mark.parametrize("dimension, ratio", [("plane_stress", 0.333), ("plane_stress", 1 / 3), ("plane_strain", 0.25), ("3d", 0.25)])
+def test_the_poissons_ratio_of_the_model_may_be_given(dimension, ratio):
+    check("", f"dimension={dimension}", f"material.m.poissons_ratio={ratio}", base=BASE_3D if dimension == "3d" else BASE)
+
+
+@pytest.mark.parametrize("dimension, words", [("plane_stress", "1/3"), ("plane_strain", "1/4"), ("3d", "1/4")])
+def test_another_poissons_ratio_is_refused(dimension, words):
+    with pytest.raises(SceneError, match=f"{words} .*bond-based"):
+        check("", f"dimension={dimension}", "material.m.poissons_ratio=0.3", base=BASE_3D if dimension == "3d" else BASE)
+
+
+def test_box_sides_may_be_off_by_rounding_only():
+    check("", "particles.spacing=0.1", "particles.horizon=0.3", "body.b.upper=[0.3, 0.7]")  # 0.3/0.1 and 0.7/0.1 are not whole in doubles
+    check("", "body.b.lower=[1000.1, 0.0]", "body.b.upper=[1010.1, 5.0]")
+    with pytest.raises(SceneError, match="nearest is 10 m"):
+        check("", "body.b.upper=[10.00001, 5.0]")  # off by 2e-5 spacings
+
+
+def test_a_default_window_longer_than_the_run_is_fine():
+    check('[[tip]]\nname = "t"\n', "time.end=1e-7")
+
+
+def test_the_same_component_on_other_regions_and_other_components_on_the_same_are_fine():
+    other = LOAD.replace('"l"', '"k"')
+    check(REGION + LOAD + other.replace('[0.0, "free"]', '["free", 0.0]'))
+    check(REGION + REGION.replace('"r"', '"s"') + LOAD + other.replace('region = "r"', 'region = "s"'))
 
 
 def test_touching_bodies_are_fine():
