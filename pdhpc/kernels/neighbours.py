@@ -18,7 +18,7 @@ class BondArrays(NamedTuple):
     """Families of the owned particles, rows sorted by the neighbours' global ids and padded to whole blocks of eight slots.
 
     row_start (n_owned + 1,) int64, first slot of each row; neighbour (n_slots,) int32, local index (padding: a valid index); inv_length (n_slots,) float,
-    1/m, inverse reference length (padding: 1/radius); alive (n_slots / 8,) uint8, bit k & 7 of byte k >> 3 is slot k (padding: 0).
+    1/m, inverse reference length (padding: any finite number); alive (n_slots / 8,) uint8, bit k & 7 of byte k >> 3 is slot k (padding: 0).
     """
 
     row_start: np.ndarray
@@ -42,7 +42,7 @@ def _cell_list(points, radius):
     padded[:, : points.shape[1]] = points
     lower = padded.min(axis=0) if len(points) else np.zeros(3)
     extent = (padded.max(axis=0) if len(points) else np.zeros(3)) - lower
-    per_length, counts = _CELLS_PER_RADIUS / radius, None
+    per_length, counts = _CELLS_PER_RADIUS / (radius * (1 + 1e-6)), None
     while counts is None or np.prod(counts, dtype=float) > 4.0 * len(points) + 1000:
         per_length = per_length if counts is None else per_length / 2
         counts = np.floor(extent * per_length).astype(np.int64) + 1
@@ -72,46 +72,64 @@ def _sort_into_cells(points, lower, per_length, counts):
 
 
 @kernel
-def _search(points, n_rows, cells, radius2, reach, ids, row_start, neighbour, counts):
-    """Count (neighbour empty) or store the neighbours of the first n_rows points, sorted by id."""
-    storing = len(neighbour) > 0
-    dim = points.shape[1]
-    nz = cells.counts[2]
+def _search(points, n_rows, cells, radius2, ids, row_start, neighbour, inv_length, counts):
+    """Count (neighbour empty) or store the neighbours of the first n_rows points, sorted by id, and their inverse lengths.
+
+    Of each column of cells along z only the stretch that the ball around the point reaches is read.
+    """
+    lower, per_length, position, start_of, order = cells.lower, cells.per_length, cells.position, cells.start, cells.order
+    nx, ny, nz = cells.counts[0], cells.counts[1], cells.counts[2]
+    storing, flat = len(neighbour) > 0, points.shape[1] == 2
+    size, radius = 1.0 / per_length, np.sqrt(radius2)
     for i in range(n_rows):
-        x, y = points[i, 0], points[i, 1]
-        z = points[i, 2] if dim == 3 else 0.0
-        cx = min(np.int64((x - cells.lower[0]) * cells.per_length), cells.counts[0] - 1)
-        cy = min(np.int64((y - cells.lower[1]) * cells.per_length), cells.counts[1] - 1)
-        cz = min(np.int64((z - cells.lower[2]) * cells.per_length), nz - 1)
+        px, py, pz = points[i, 0], points[i, 1], 0.0 if flat else points[i, 2]
+        x, y, z = px - lower[0], py - lower[1], 0.0 if flat else pz - lower[2]
         first = row_start[i] if storing else np.int64(0)
         found = np.int64(0)
-        for a in range(max(0, cx - reach), min(cells.counts[0], cx + reach + 1)):
-            for b in range(max(0, cy - reach), min(cells.counts[1], cy + reach + 1)):
-                column = (a * cells.counts[1] + b) * nz
-                for s in range(cells.start[column + max(0, cz - reach)], cells.start[column + min(nz - 1, cz + reach) + 1]):
-                    dx, dy, dz = cells.position[s, 0] - x, cells.position[s, 1] - y, cells.position[s, 2] - z
-                    j = cells.order[s]
-                    if dx * dx + dy * dy + dz * dz <= radius2 and j != i:
-                        if storing:
-                            slot = first + found
-                            while slot > first and ids[neighbour[slot - 1]] > ids[j]:
-                                neighbour[slot] = neighbour[slot - 1]
-                                slot -= 1
-                            neighbour[slot] = j
+        for a in range(max(0, np.int64((x - radius) * per_length)), min(nx - 1, np.int64((x + radius) * per_length)) + 1):
+            gap_x = max(0.0, a * size - x, x - (a + 1) * size)
+            for b in range(max(0, np.int64((y - radius) * per_length)), min(ny - 1, np.int64((y + radius) * per_length)) + 1):
+                gap_y = max(0.0, b * size - y, y - (b + 1) * size)
+                reach = np.sqrt(max(0.0, radius2 - gap_x * gap_x - gap_y * gap_y)) + 1e-9 * size
+                column = (a * ny + b) * nz
+                start = start_of[column + max(0, np.int64((z - reach) * per_length))]
+                stop = start_of[column + min(nz - 1, np.int64((z + reach) * per_length)) + 1]
+                if not storing:
+                    for s in range(start, stop):
+                        dx, dy, dz = position[s, 0] - px, position[s, 1] - py, position[s, 2] - pz
+                        found += dx * dx + dy * dy + dz * dz <= radius2
+                    continue
+                for s in range(start, stop):
+                    dx, dy, dz = position[s, 0] - px, position[s, 1] - py, position[s, 2] - pz
+                    distance2 = dx * dx + dy * dy + dz * dz
+                    j = order[s]
+                    if distance2 <= radius2 and j != i:
+                        slot = first + found
+                        while slot > first and ids[neighbour[slot - 1]] > ids[j]:
+                            neighbour[slot], inv_length[slot] = neighbour[slot - 1], inv_length[slot - 1]
+                            slot -= 1
+                        neighbour[slot], inv_length[slot] = j, 1.0 / np.sqrt(distance2)
                         found += 1
-        counts[i] = found
+        counts[i] = found if storing else found - 1  # counting saw the point itself
 
 
-def _search_arguments(cells, radius):
-    return radius**2, int(np.ceil(radius * cells.per_length))
+@kernel
+def _finish_rows(row_start, counts, neighbour, inv_length, alive):
+    """Set the bits of the bonds and fill the padding with something valid."""
+    for i in range(len(counts)):
+        first = row_start[i]
+        end = first + counts[i]
+        for k in range(first, end):
+            alive[k >> 3] |= np.uint8(1 << (k & 7))
+        for k in range(end, row_start[i + 1]):
+            neighbour[k], inv_length[k] = neighbour[first], inv_length[first]
 
 
 def count_neighbours(points, n_rows, radius):
     """Return (n_rows,) int32: how many points lie within the radius of each of the first n_rows points (n, dim), m. Local."""
-    cells = _cell_list(points, radius)
-    radius2, reach = _search_arguments(cells, radius)
     counts = np.empty(n_rows, np.int32)
-    _search(points, n_rows, cells, radius2, reach, np.empty(0, np.int64), np.zeros(1, np.int64), np.empty(0, np.int32), counts)
+    nothing = np.empty(0, np.int64)
+    _search(points, n_rows, _cell_list(points, radius), radius**2, nothing, nothing, np.empty(0, np.int32), np.empty(0), counts)
     return counts
 
 
@@ -122,38 +140,15 @@ def find_bonds(points, ids, n_rows, radius):
     ----------
     points : (n, dim) m; ids : (n,) int64 global ids, distinct; radius : m.
     """
-    cells = _cell_list(points, radius)
-    radius2, reach = _search_arguments(cells, radius)
-    counts = np.empty(n_rows, np.int32)
-    _search(points, n_rows, cells, radius2, reach, ids, np.zeros(1, np.int64), np.empty(0, np.int32), counts)
+    counts = count_neighbours(points, n_rows, radius)
     row_start = np.zeros(n_rows + 1, np.int64)
     np.cumsum((counts.astype(np.int64) + LANES - 1) // LANES * LANES, out=row_start[1:])
-    neighbour = np.empty(row_start[-1], np.int32)
-    if len(neighbour):
-        _search(points, n_rows, cells, radius2, reach, ids, row_start, neighbour, counts)
-    inv_length = np.empty(row_start[-1])
-    alive = np.zeros(row_start[-1] // LANES, np.uint8)
-    _finish_rows(points, radius, row_start, counts, neighbour, inv_length, alive)
-    return BondArrays(row_start, neighbour, inv_length, alive), counts
-
-
-@kernel
-def _finish_rows(points, radius, row_start, counts, neighbour, inv_length, alive):
-    """Fill padding, inverse lengths and alive bits."""
-    dim = points.shape[1]
-    for i in range(len(counts)):
-        first = row_start[i]
-        for k in range(first, row_start[i + 1]):
-            if k - first >= counts[i]:
-                neighbour[k] = neighbour[first]
-                inv_length[k] = 1.0 / radius
-                continue
-            j = neighbour[k]
-            length2 = 0.0
-            for d in range(dim):
-                length2 += (points[j, d] - points[i, d]) ** 2
-            inv_length[k] = 1.0 / np.sqrt(length2)
-            alive[k >> 3] |= np.uint8(1 << (k & 7))
+    slots = int(row_start[-1])
+    bonds = BondArrays(row_start, np.empty(slots, np.int32), np.empty(slots), np.zeros(slots // LANES, np.uint8))
+    if slots:
+        _search(points, n_rows, _cell_list(points, radius), radius**2, ids, row_start, bonds.neighbour, bonds.inv_length, counts)
+        _finish_rows(row_start, counts, bonds.neighbour, bonds.inv_length, bonds.alive)
+    return bonds, counts
 
 
 @kernel

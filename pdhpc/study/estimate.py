@@ -130,7 +130,7 @@ def _family_step(scene, body, ratio):
 
 def _kernel_rate(scene, ratio):
     """Return bonds per second and core of the force kernel, measured on a small block."""
-    cells = {2: 100, 3: 22}[scene.dim]
+    cells = {2: 60, 3: 14}[scene.dim]
     sub, law = block(scene.dim, cells, min(ratio, 4.0), scene.particles.kinematics == "linear")
     particles = sub.particles
     particles.place()
