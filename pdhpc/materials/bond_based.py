@@ -94,7 +94,7 @@ def make_law(blocks, setting, spacing, volume_correction):
 
     A bond between two materials is two half-bonds in series: c = 2 c_i c_j / (c_i + c_j), s0 the smaller of the two; a bond with an end in a block that may
     not fail never breaks. The linear volume correction counts the share of a
-    neighbour's cell that lies within the horizon: beta falls from 1 at r = delta - h/2 to 0 at delta + h/2 (Hu, Ha & Bobaru 2010; Seleson & Littlewood 2016).
+    neighbour's cell that lies within the horizon: beta falls from 1 at r = delta - h/2 to 0 at delta + h/2 (Seleson & Littlewood 2016).
     """
     c = np.array([material.micromodulus(setting) for material, _ in blocks])
     limit = np.array([material.stretch_limit(setting) for material, _ in blocks])

@@ -30,7 +30,7 @@ class Particles(Table):
     influence: Literal["constant", "inverse_distance", "gaussian"] = key(
         "influence function omega of the bond length r", "", "omega = 1, delta/r, exp(-(r/delta)^2)", default="constant")
     volume_correction: Literal["linear", "none"] = key(
-        "partial volumes at the horizon's edge", "", "beta = min(1, (delta + h/2 - r)/h), families up to delta + h/2; Hu, Ha & Bobaru 2010", default="linear")
+        "partial volumes at the horizon's edge", "", "beta = min(1, (delta + h/2 - r)/h), families up to delta + h/2; Seleson & Littlewood 2016", default="linear")
     kinematics: Literal["finite", "linear"] = key(
         "stretch of a bond xi with relative displacement eta: of its deformed length, or linearised", "",
         "s = |xi + eta|/|xi| - 1, or xi.eta/|xi|^2; Silling & Askari 2005", default="finite")
