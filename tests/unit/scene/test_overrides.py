@@ -37,7 +37,7 @@ def test_overrides_set_values(override, path, value):
     ("load.2.value=1", "an index below 2"), ("load.-1.value=1", "an index below 2"), ("load.\u00b2.value=1", "an index below 2"), ("load.pull.value.5=1", "an index below 2"),
     ("curve.0.x=a", "the scene has no [[curve]]"),
     ("time.end.deep=1", "time.end holds no keys"),
-    ("time.end=[1", "[1 is not a TOML value"), ('title="a', "is not a TOML value"), ("time.end=1\ntitle=2", "is not a TOML value"), 
+    ("time.end=[1", "[1 is not a TOML value"), ('title="a', "is not a TOML value"), ("time.end=1\ntitle=2", "is not a TOML value"),
     ("title=\udc80", "UTF-8"),
 ])
 def test_bad_overrides_say_where_they_come_from(override, words):
