@@ -57,6 +57,6 @@ def judge(directory):
         Check("branches, fewest over the second half of their length", counts[0], 2, 0.0, "Ha & Bobaru 2010"),
         Check("branches, most over the second half of their length", counts[-1], 2, 0.0, "Ha & Bobaru 2010"),
         at_most("largest distance of one branch from the other's mirror image, in spacings", asymmetry / spacing, 2.0, "symmetry"),
-        Check("branches reach x = 0.09 m", float(tip["position"][0] > 0.09), 1.0, 0.0, "Ha & Bobaru 2010"),
+        Check("branches reach x = 0.085 m", float(tip["position"][0] > 0.085), 1.0, 0.0, "Ha & Bobaru 2010"),
         at_most("largest tip speed over 0.66 Rayleigh speeds", tip["largest_speed"] / limit, 1.0, "Ha & Bobaru 2010; Ravi-Chandar 2004"),
     ]
