@@ -5,13 +5,18 @@ Forces, with V_j the neighbour's volume, c, omega, beta of materials/bond_based.
 
     finite:  s = |xi + eta|/|xi| - 1,         f_i = sum_j c omega beta s V_j (xi + eta)/|xi + eta|
     linear:  s = xi . eta / |xi|^2,           f_i = sum_j c omega beta s V_j xi/|xi|
+
+Rows of one block and one volume go eight bonds at a time (kernels/simd.py), MIXED rows bond by bond (kernels/reference.py). PDHPC_KERNELS=reference, or a
+processor without AVX2, sends all rows bond by bond.
 """
 from typing import NamedTuple
 
 import numpy as np
 
 from pdhpc.jit import inlined, kernel
-from pdhpc.kernels.simd import LANES, any_of, fma, gather_xy, gather_xyz, lane_mask, lane_sum, larger, load8, select, splat, sqrt8
+from pdhpc.kernels import reference
+from pdhpc.kernels.reference import bond_stretch, break_row, is_alive, row_force
+from pdhpc.kernels.simd import LANES, any_of, chosen, fma, gather_xy, gather_xyz, lane_mask, lane_sum, larger, load8, select, splat, sqrt8
 from pdhpc.materials.bond_based import bond_weight, pair_energy, pair_force
 
 MIXED = 255
@@ -50,21 +55,39 @@ def bond_forces(points, bonds, law, linear, third, rows, force_density, dissipat
     int, directed bonds broken in this evaluation.
     """
     broken = 0
-    for i in range(rows[0], rows[1]):
-        newly_broken = 1
-        while _row_force(i, points, bonds, law, linear, third, force_density) and newly_broken:
-            newly_broken = _break_row(i, points, bonds, law, linear, third, dissipated)
-            broken += newly_broken
+    i, beyond = _sum_rows(rows[0], rows[1], points, bonds, law, linear, third, force_density)
+    while beyond:  # a row that lost bonds is summed again by the same loop: forces depend on the state alone, not on how it came about
+        newly_broken = break_row(i, points, bonds, law, linear, third, dissipated)
+        broken += newly_broken
+        i, beyond = _sum_rows(i if newly_broken else i + 1, rows[1], points, bonds, law, linear, third, force_density)
     return broken
 
 
+if not chosen():
+    bond_forces = reference.bond_forces
+
+
+@kernel
+def _sum_rows(first, last, points, bonds, law, linear, third, force_density):
+    """Sum the forces on particles from `first` on, up to the first with a bond beyond its critical stretch; return (it or last, whether there is one).
+
+    Calls inlined functions only: around any other call numba counts references to every array, in each row, which costs a third of the speed.
+    """
+    for i in range(first, last):
+        block = points.row_block[i]
+        if block == MIXED:
+            beyond = row_force(i, points, bonds, law, linear, third, force_density)
+        else:
+            c, limit = law.micromodulus[block, block], law.critical_stretch[block, block]
+            beyond = _row_force(i, c, limit, points, bonds, law, linear, third, force_density)
+        if beyond:
+            return i, True
+    return last, False
+
+
 @inlined
-def _row_force(i, points, bonds, law, linear, third, force_density):
-    """Sum the forces on particle i; return whether an alive bond exceeds its critical stretch."""
-    block = points.row_block[i]
-    if block == MIXED:
-        return _mixed_row_force(i, points, bonds, law, linear, third, force_density)
-    c, limit = law.micromodulus[block, block], law.critical_stretch[block, block]
+def _row_force(i, c, limit, points, bonds, law, linear, third, force_density):
+    """Sum the forces on particle i, whose bonds share c (N/m^6) and limit, eight bonds at a time; return whether an alive bond exceeds the limit."""
     fx, fy, fz, largest = splat(0.0), splat(0.0), splat(0.0), splat(-1.0)
     for k in range(bonds.row_start[i], bonds.row_start[i + 1], LANES):
         inv_l = load8(bonds.inv_length, k)
@@ -84,11 +107,10 @@ def _row_force(i, points, bonds, law, linear, third, force_density):
             ratio = sqrt8(along2 * length2)
             stretch = ratio - 1.0
             pull = pair_force(c, bond_weight(inv_l, law), stretch) / ratio
-        pull = select(live, pull, splat(0.0))
-        largest = larger(select(live, stretch, splat(-1.0)), largest)
-        fx, fy = fma(pull, dx, fx), fma(pull, dy, fy)
+        largest = select(live, larger(stretch, largest), largest)
+        fx, fy = select(live, fma(pull, dx, fx), fx), select(live, fma(pull, dy, fy), fy)
         if third is not None:
-            fz = fma(pull, dz, fz)
+            fz = select(live, fma(pull, dz, fz), fz)
     volume = points.volume[i]
     force_density[i, 0] = lane_sum(fx) * volume
     force_density[i, 1] = lane_sum(fy) * volume
@@ -112,89 +134,14 @@ def _offsets_3d(table, neighbour, i, k):
 
 
 @kernel
-def _mixed_row_force(i, points, bonds, law, linear, third, force_density):
-    """As _row_force, bond by bond, where neighbours differ in block or volume."""
-    block = points.block[i]
-    fx, fy, fz, beyond = 0.0, 0.0, 0.0, False
-    for k in range(bonds.row_start[i], bonds.row_start[i + 1]):
-        if not _is_alive(bonds.alive, k):
-            continue
-        j = bonds.neighbour[k]
-        stretch, along, ex, ey, ez = _stretch(i, k, points, bonds, linear, third)
-        pull = pair_force(law.micromodulus[block, points.block[j]], bond_weight(bonds.inv_length[k], law), stretch) * along * points.volume[j]
-        beyond |= stretch > law.critical_stretch[block, points.block[j]]
-        fx += pull * ex
-        fy += pull * ey
-        fz += pull * ez
-    force_density[i, 0] = fx
-    force_density[i, 1] = fy
-    if third is not None:
-        force_density[i, 2] = fz
-    return beyond
-
-
-@kernel
-def _is_alive(alive, k):
-    return (alive[k >> 3] >> np.uint8(k & 7)) & np.uint8(1) != 0
-
-
-@kernel
-def _stretch(i, k, points, bonds, linear, third):
-    """Return the stretch of bond k of particle i, and the factor and the vector (m) that turn pair_force into a force.
-
-    The same operations in the same order as in _row_force: both must find the same stretch to the last bit, since a bond breaks at both of its ends or at none.
-    """
-    j = bonds.neighbour[k]
-    inv_l = bonds.inv_length[k]
-    ex, ey = points.position[j, 0] - points.position[i, 0], points.position[j, 1] - points.position[i, 1]
-    dx, dy, ez, dz = ex, ey, 0.0, 0.0
-    if linear:
-        dx, dy = points.reference[j, 0] - points.reference[i, 0], points.reference[j, 1] - points.reference[i, 1]
-    along2 = dy * ey
-    if third is not None:
-        ez = points.position[j, 2] - points.position[i, 2]
-        dz = points.reference[j, 2] - points.reference[i, 2] if linear else ez
-        along2 = fma(dy, ey, dz * ez)
-    along2 = fma(dx, ex, along2)
-    if linear:
-        return along2 * (inv_l * inv_l), 1.0, dx, dy, dz
-    ratio = np.sqrt(along2 * (inv_l * inv_l))
-    return ratio - 1.0, 1.0 / ratio, dx, dy, dz
-
-
-@kernel
-def _break_row(i, points, bonds, law, linear, third, dissipated):
-    """Break the bonds of particle i beyond their critical stretch; return how many.
-
-    A bond dissipates its energy at the critical stretch, which it passed during the step, on average in the middle of it. The work of its force in that step
-    is half of what it would have been, so that to first order the two agree and the energy balance closes; its energy at the step's end would be too much.
-    """
-    broken = 0
-    block = points.block[i]
-    for k in range(bonds.row_start[i], bonds.row_start[i + 1]):
-        if not _is_alive(bonds.alive, k):
-            continue
-        j = bonds.neighbour[k]
-        stretch, _, _, _, _ = _stretch(i, k, points, bonds, linear, third)
-        limit = law.critical_stretch[block, points.block[j]]
-        if stretch > limit:
-            bonds.alive[k >> 3] &= ~np.uint8(1 << (k & 7))
-            inv_l = bonds.inv_length[k]
-            energy = pair_energy(law.micromodulus[block, points.block[j]], bond_weight(inv_l, law), limit, inv_l)
-            dissipated[i] += 0.5 * energy * points.volume[i] * points.volume[j]
-            broken += 1
-    return broken
-
-
-@kernel
 def strain_energy_density(points, bonds, law, linear, third, energy):
     """Store W_i = 1/2 sum_j w_ij V_j, J/m^3, in energy (n_owned,); w the micropotential of intact bonds."""
     for i in range(len(energy)):
         block, total = points.block[i], 0.0
         for k in range(bonds.row_start[i], bonds.row_start[i + 1]):
-            if _is_alive(bonds.alive, k):
+            if is_alive(bonds.alive, k):
                 j = bonds.neighbour[k]
-                stretch, _, _, _, _ = _stretch(i, k, points, bonds, linear, third)
+                stretch, _, _, _, _ = bond_stretch(i, k, points, bonds, linear, third)
                 inv_l = bonds.inv_length[k]
                 weight = bond_weight(inv_l, law)
                 total += pair_energy(law.micromodulus[block, points.block[j]], weight, stretch, inv_l) * points.volume[j]
@@ -213,9 +160,9 @@ def stress(points, bonds, law, linear, third, result):
         block = points.block[i]
         result[i] = 0.0
         for k in range(bonds.row_start[i], bonds.row_start[i + 1]):
-            if _is_alive(bonds.alive, k):
+            if is_alive(bonds.alive, k):
                 j = bonds.neighbour[k]
-                s, along, ex, ey, ez = _stretch(i, k, points, bonds, linear, third)
+                s, along, ex, ey, ez = bond_stretch(i, k, points, bonds, linear, third)
                 weight = bond_weight(bonds.inv_length[k], law)
                 pull = 0.5 * pair_force(law.micromodulus[block, points.block[j]], weight, s) * along * points.volume[j]
                 vector = (ex, ey, ez)
@@ -236,7 +183,7 @@ def deformation_moments(points, bonds, law, shape, moment):
         shape[i] = 0.0
         moment[i] = 0.0
         for k in range(bonds.row_start[i], bonds.row_start[i + 1]):
-            if _is_alive(bonds.alive, k):
+            if is_alive(bonds.alive, k):
                 j = bonds.neighbour[k]
                 weight = bond_weight(bonds.inv_length[k], law) * points.volume[j] / bonds.inv_length[k]
                 for b in range(dim):
@@ -256,7 +203,7 @@ def largest_frequency2(points, bonds, law):
         block = points.block[i]
         tensor[:] = 0.0
         for k in range(bonds.row_start[i], bonds.row_start[i + 1]):
-            if _is_alive(bonds.alive, k):
+            if is_alive(bonds.alive, k):
                 j = bonds.neighbour[k]
                 inv_l = bonds.inv_length[k]
                 stiffness = pair_force(law.micromodulus[block, points.block[j]], bond_weight(inv_l, law), 1.0) * points.volume[j] * inv_l * inv_l

@@ -18,13 +18,18 @@ in a fixed order, so results have the same bits on all of them that have fused m
 """
 import math
 import operator
+import os
+import platform
 
-from llvmlite import ir
+from llvmlite import binding, ir
 from numba.core import cgutils, types
 from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, register_model
 
 LANES = 8
+CHOICES = ("vector", "reference")
+"""What the environment variable PDHPC_KERNELS may hold."""
+
 _DOUBLE, _I32 = ir.DoubleType(), ir.IntType(32)
 _VECTOR = ir.VectorType(_DOUBLE, LANES)
 _MASK = ir.VectorType(ir.IntType(1), LANES)
@@ -53,6 +58,24 @@ class _F64x8Model(models.PrimitiveModel):
 class _Mask8Model(models.PrimitiveModel):
     def __init__(self, manager, kind):
         super().__init__(manager, kind, _MASK)
+
+
+def chosen():
+    """Return whether kernels use vectors: as PDHPC_KERNELS says, else wherever eight fused multiply-adds are fast (on x86: AVX2 and FMA). Local.
+
+    Ask once, at import, and choose between two functions by the answer: numba's cache would not notice a change of it inside of one function.
+
+    Raises
+    ------
+    ValueError: PDHPC_KERNELS holds another word.
+    """
+    choice = os.environ.get("PDHPC_KERNELS")
+    if choice is None:
+        features = binding.get_host_cpu_features()
+        return platform.machine() not in ("x86_64", "AMD64") or bool(features.get("avx2") and features.get("fma"))
+    if choice not in CHOICES:
+        raise ValueError(f"PDHPC_KERNELS={choice}: must be one of {', '.join(CHOICES)}")
+    return choice == "vector"
 
 
 def _lanes(indices):

@@ -4,7 +4,7 @@ import math
 import numpy as np
 import pytest
 
-from pdhpc.kernels import cloud
+from pdhpc.kernels import cloud, reference
 from pdhpc.kernels.neighbours import find_bonds
 from pdhpc.materials.bond_based import BondBased, Setting, make_law
 
@@ -31,7 +31,7 @@ class Cloud:
         reference, position = np.zeros((n, width)), np.zeros((n, width))
         reference[:, :dim] = self.x
         position[:, :dim] = self.u if linear else self.x + self.u
-        row_block = np.full(n, cloud.MIXED, np.uint8) if blocks > 1 else self.block
+        row_block = np.full(n, cloud.MIXED, np.uint8) if blocks > 1 else self.block.copy()
         self.points = cloud.PointArrays(reference, position, self.volume, self.block, row_block)
         self.force, self.dissipated = np.full((n, dim), np.nan), np.zeros(n)
 
@@ -138,13 +138,48 @@ def test_forces_have_the_same_bits_under_any_numbering(dim, linear, blocks):
     assert np.array_equal(plain.force[order], shuffled.force)
 
 
-def test_nan_is_not_swallowed():
-    body = Cloud(2, False, critical=0.05)
+@pytest.mark.parametrize("dim, linear, influence, correction", CASES)
+def test_eight_at_a_time_agrees_with_bond_by_bond(dim, linear, influence, correction):
+    eight, one = (Cloud(dim, linear, influence, correction, critical=0.05) for _ in range(2))
+    for body in (eight, one):
+        body.kill(0.2)
+    broken = eight.forces()
+    assert broken == reference.bond_forces(one.points, one.bonds, one.law, linear, one.third, (0, one.n), one.force, one.dissipated) > 0
+    assert np.array_equal(eight.bonds.alive, one.bonds.alive)
+    assert np.array_equal(eight.dissipated, one.dissipated)
+    assert np.abs(eight.force - one.force).max() < 1e-12 * np.abs(one.force).max()
+
+
+@pytest.mark.parametrize("dim, linear", [(2, False), (2, True), (3, False), (3, True)])
+def test_forces_depend_on_the_state_alone(dim, linear):
+    body = Cloud(dim, linear, critical=0.05)
+    assert body.forces() > 0
+    while_breaking = body.force.copy()
+    assert body.forces() == 0
+    assert np.array_equal(body.force, while_breaking), "a restart evaluates without breaking what the first run evaluated while breaking"
+
+
+def test_rows_can_be_done_in_pieces():
+    whole, pieces = (Cloud(3, False, critical=0.05) for _ in range(2))
+    pieces.points.row_block[::7] = cloud.MIXED
+    whole.points.row_block[::7] = cloud.MIXED
+    broken = 0
+    for rows in ((150, pieces.n), (0, 0), (0, 3), (3, 150)):
+        broken += cloud.bond_forces(pieces.points, pieces.bonds, pieces.law, False, pieces.third, rows, pieces.force, pieces.dissipated)
+    assert broken == whole.forces()
+    assert np.array_equal(pieces.force, whole.force)
+    assert np.array_equal(pieces.bonds.alive, whole.bonds.alive)
+
+
+@pytest.mark.parametrize("dim, linear", [(2, False), (2, True), (3, False), (3, True)])
+def test_nan_spreads_along_intact_bonds_and_breaks_none(dim, linear):
+    body = Cloud(dim, linear, critical=1e3)  # only a NaN could break a bond
+    body.kill(0.5)
     body.points.position[10, 0] = np.nan
-    body.forces()
-    assert np.isnan(body.force[10]).any()
-    neighbours = {j for i, j in body.alive() if i == 10}
-    assert neighbours and all(np.isnan(body.force[j]).any() for j in neighbours)
+    assert body.forces() == 0
+    reached = {i for i, j in body.alive() if j == 10} | {10}
+    assert len(reached) > 2
+    assert {i for i in range(body.n) if np.isnan(body.force[i]).any()} == reached
 
 
 def test_deformation_moments_recover_a_gradient():

@@ -101,5 +101,79 @@ def test_gather_takes_rows_apart(width, gather):
     assert np.array_equal(out[:axes], table[neighbour[8:16], :axes].T)
 
 
+@kernel
+def _mixed_operands(a, s, out):
+    x = load8(a, 0)
+    store8(out[0], 0, s - x)
+    store8(out[1], 0, x - s)
+    store8(out[2], 0, s / x)
+    store8(out[3], 0, x / s)
+    store8(out[4], 0, s + x)
+    store8(out[5], 0, x * s)
+    store8(out[6], 0, min(x, s))
+    return any_of(s > x), any_of(x > s)
+
+
+def test_a_float_stands_for_eight_equal_lanes():
+    out = np.zeros((7, 8))
+    less, more = _mixed_operands(B, 7.0, out)
+    expected = [7.0 - B, B - 7.0, 7.0 / B, B / 7.0, 7.0 + B, B * 7.0, np.minimum(B, 7.0)]
+    for row, values in zip(out, expected):
+        assert np.array_equal(row, values)
+    assert less and more
+
+
+@kernel
+def _irrational(a, b, out):
+    store8(out[0], 0, sqrt8(load8(a, 0)))
+    store8(out[1], 0, load8(a, 0) / load8(b, 0))
+
+
+def test_roots_and_quotients_are_rounded_as_ieee_says():
+    random = np.random.default_rng(4)
+    out = np.zeros((2, 8))
+    for _ in range(200):
+        a, b = random.random(8) * 10.0 ** random.integers(-200, 200), random.random(8)
+        _irrational(a, b, out)
+        assert np.array_equal(out[0], np.sqrt(a)) and np.array_equal(out[1], a / b)
+
+
+@kernel
+def _nan(a, b, out):
+    store8(out[0], 0, larger(load8(a, 0), load8(b, 0)))
+    store8(out[1], 0, select(lane_mask(np.uint8(0)), load8(a, 0), load8(b, 0)))
+
+
+def test_nan_is_neither_taken_over_nor_let_through_a_mask():
+    out = np.zeros((2, 8))
+    _nan(np.full(8, np.nan), B, out)
+    assert np.array_equal(out, [B, B])
+
+
+@pytest.mark.parametrize("choice, expected", [("vector", True), ("reference", False)])
+def test_the_environment_chooses(monkeypatch, choice, expected):
+    monkeypatch.setenv("PDHPC_KERNELS", choice)
+    assert simd.chosen() is expected
+
+
+def test_a_misspelt_choice_names_the_right_ones(monkeypatch):
+    monkeypatch.setenv("PDHPC_KERNELS", "refrence")
+    with pytest.raises(ValueError, match="PDHPC_KERNELS=refrence: must be one of vector, reference"):
+        simd.chosen()
+
+
+@pytest.mark.parametrize("machine, features, expected", [
+    ("x86_64", {"avx2": True, "fma": True}, True),
+    ("x86_64", {"avx2": True, "fma": False}, False),
+    ("x86_64", {"avx": True}, False),
+    ("aarch64", {"neon": True}, True),
+])
+def test_an_old_vector_unit_is_left_alone(monkeypatch, machine, features, expected):
+    monkeypatch.delenv("PDHPC_KERNELS", raising=False)
+    monkeypatch.setattr(simd.platform, "machine", lambda: machine)
+    monkeypatch.setattr(simd.binding, "get_host_cpu_features", lambda: features)
+    assert simd.chosen() is expected
+
+
 def test_eight_lanes():
     assert simd.LANES == 8
