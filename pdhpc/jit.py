@@ -3,8 +3,10 @@
 The cache of compiled kernels is keyed on a digest of the package's sources, because numba itself does not notice a change in a function that a cached
 kernel inlines from another file. `NUMBA_CACHE_DIR`, when set, is respected (a node-local folder on clusters).
 """
+import getpass
 import hashlib
 import os
+import tempfile
 from pathlib import Path
 
 import numba
@@ -21,16 +23,20 @@ def _source_digest():
 
 
 def _choose_cache_folder():
-    """Point numba's cache at `<user cache>/pdhpc/<digest>` unless the user chose a folder."""
-    root = os.environ.get("NUMBA_CACHE_DIR")
-    if root is None:
-        root = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "pdhpc"
-    folder = Path(root) / _source_digest()
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError:
-        return  # numba then falls back on its own choice
-    numba.config.CACHE_DIR = str(folder)
+    """Point numba's cache at a folder of this version of the sources: below $NUMBA_CACHE_DIR, the user's cache, or, where homes are read-only, a temporary folder."""
+    user = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "pdhpc"
+    temporary = Path(tempfile.gettempdir()) / f"pdhpc-{getpass.getuser()}"
+    chosen = os.environ.get("NUMBA_CACHE_DIR")
+    digest = _source_digest()
+    for root in [Path(chosen)] if chosen else [user, temporary]:
+        folder = root / digest
+        try:
+            folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+            if os.access(folder, os.W_OK) and folder.stat().st_uid == os.getuid():  # compiled code is only read from a folder of one's own
+                numba.config.CACHE_DIR = str(folder)
+                return
+        except OSError:
+            continue
 
 
 _choose_cache_folder()

@@ -3,6 +3,7 @@
     from pdhpc.simulation import Simulation
     record = Simulation.from_file("runs/glass_branching.toml").run("out")
 """
+import contextlib
 import platform
 import subprocess
 import time
@@ -16,7 +17,7 @@ from pdhpc.observers.output import FieldOutput, HistoryOutput, columns, steps_of
 from pdhpc.observers.progress import Progress
 from pdhpc.output.fields import FieldWriter
 from pdhpc.output.history import History
-from pdhpc.output.record import claim_directory, write_json
+from pdhpc.output.record import OutputError, claim_directory, write_json
 from pdhpc.parallel.comm import on_root, world
 from pdhpc.run import RunError, drive
 from pdhpc.scene.build import build, make_gauges
@@ -71,8 +72,9 @@ class Simulation:
             drive(self.stepper, self.problem.n_steps, observers, self.seconds)
         except Exception as error:
             progress.close()
-            if writes and isinstance(error, RunError):
-                self._write(directory, {**self._record("failed"), "error": str(error)})
+            if writes and isinstance(error, (RunError, OutputError)):  # these are raised on every rank
+                with contextlib.suppress(OutputError):
+                    self._write(directory, {**self._record("failed"), "error": str(error)})
             raise
         if self.energies.latest and self.energies.relative_error() > _LARGE_BALANCE_ERROR:
             self.warnings.append(f"the energy balance is off by {self.energies.relative_error():.1%} of the largest energy")

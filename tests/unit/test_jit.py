@@ -30,7 +30,18 @@ def test_sums_keep_their_order():
     assert _ordered_sum(values) == 1.0
 
 
-def test_cache_folder_changes_with_the_sources(tmp_path):
+def cache_folder(**variables):
+    """The folder that a fresh process caches kernels in."""
     words = "from pdhpc import jit; import numba; print(numba.config.CACHE_DIR)"
-    done = subprocess.run([sys.executable, "-c", words], env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}, capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == str(tmp_path / jit._source_digest())
+    environment = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
+    return subprocess.run([sys.executable, "-c", words], env={**environment, **variables}, capture_output=True, text=True, check=True).stdout.strip()
+
+
+def test_cache_folder_changes_with_the_sources(tmp_path):
+    assert cache_folder(NUMBA_CACHE_DIR=str(tmp_path)) == str(tmp_path / jit._source_digest())
+
+
+def test_without_a_home_to_write_to_the_cache_is_temporary(tmp_path):
+    (tmp_path / "file").write_text("")  # a folder cannot be made below a file, whoever asks
+    folder = cache_folder(XDG_CACHE_HOME=str(tmp_path / "file"), TMPDIR=str(tmp_path))
+    assert folder.startswith(str(tmp_path / "pdhpc-")) and folder.endswith(jit._source_digest())
