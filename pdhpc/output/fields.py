@@ -67,9 +67,7 @@ class FieldWriter:
             with h5py.File(part, "w", driver="mpio", comm=self.comm) as file:
                 self._create(file, data, attributes)
                 for key, values in data.items():
-                    dataset = file[key]
-                    with dataset.collective:
-                        dataset[self._first : self._first + self._count] = values
+                    _write_rows(file[key], self._first, values)
         except (OSError, RuntimeError, ValueError) as error:
             return _reason(error)
         return None
@@ -121,6 +119,23 @@ class FieldWriter:
         except (OSError, RuntimeError) as error:
             raise OutputError(f"{path}: cannot be written ({_reason(error)})") from error
         write_text(self.directory / "fields.xdmf", xdmf_text(self.frames, self._total))
+
+
+def _write_rows(dataset, first, values):
+    """Write the rows of this rank, collectively with all others: a rank without rows selects nothing, but must take part, or the others wait for ever."""
+    from h5py import h5fd, h5p, h5s
+
+    memory = h5s.create_simple((max(1, len(values)),) + values.shape[1:])
+    target = dataset.id.get_space()
+    if len(values):
+        target.select_hyperslab((first,) + (0,) * (values.ndim - 1), values.shape)
+    else:
+        memory.select_none()
+        target.select_none()
+        values = np.zeros((1,) + values.shape[1:], values.dtype)
+    transfer = h5p.create(h5p.DATASET_XFER)
+    transfer.set_dxpl_mpio(h5fd.MPIO_COLLECTIVE)
+    dataset.id.write(memory, target, values, dxpl=transfer)
 
 
 def _wide(values):
