@@ -46,5 +46,5 @@ _choose_cache_folder()
 kernel = numba.njit(cache=True, error_model="numpy", boundscheck=False, nogil=True)
 """Compile and cache a loop over particles or bonds."""
 
-inlined = numba.njit(inline="always", error_model="numpy")
+inlined = numba.njit(forceinline=True, error_model="numpy", boundscheck=False, nogil=True)
 """Compile a function that is inlined into kernels."""
