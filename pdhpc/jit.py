@@ -1,21 +1,24 @@
-"""Set how numba compiles every kernel of pdhpc: one decorator for kernels, one for functions inlined into them.
+"""Set how numba compiles every kernel of pdhpc: one decorator for kernels, one for functions inlined into them, one for functions with a body per record.
 
 The cache of compiled kernels is keyed on a digest of the package's sources, because numba itself does not notice a change in a function that a cached
 kernel inlines from another file. `NUMBA_CACHE_DIR`, when set, is respected (a node-local folder on clusters).
 """
 import getpass
 import hashlib
+import inspect
 import os
+import platform
 import tempfile
 from pathlib import Path
 
 import numba
+from numba.extending import overload
 
 
 def _source_digest():
-    """Return a short digest of every source file of the package."""
+    """Return a short digest of every source file of the package, and of what compiles them."""
     package = Path(__file__).parent
-    digest = hashlib.sha256()
+    digest = hashlib.sha256(f"{numba.__version__} {platform.python_version()} {os.environ.get('PDHPC_KERNELS')}".encode())
     for path in sorted(package.rglob("*.py")):
         digest.update(path.relative_to(package).as_posix().encode())
         digest.update(path.read_bytes())
@@ -43,8 +46,30 @@ _choose_cache_folder()
 
 # Floating point operations are done as written: sums keep their order, NaN and inf survive, division by zero follows IEEE. What must be fast says so with
 # explicit vectors (kernels/simd.py).
-kernel = numba.njit(cache=True, error_model="numpy", boundscheck=False, nogil=True)
+_OPTIONS = {"error_model": "numpy", "boundscheck": False, "nogil": True}
+_UNCOUNTED = {"_nrt": False, **_OPTIONS}  # numba otherwise counts references to every array in records, in the middle of loops
+
+kernel = numba.njit(cache=True, **_OPTIONS)
 """Compile and cache a loop over particles or bonds."""
 
-inlined = numba.njit(forceinline=True, error_model="numpy", boundscheck=False, nogil=True)
-"""Compile a function that is inlined into kernels."""
+sweep = numba.njit(cache=True, **_UNCOUNTED)
+"""Compile and cache a loop over bonds that makes no array."""
+
+inlined = numba.njit(forceinline=True, **_UNCOUNTED)
+"""Compile a function that makes no array and is inlined into kernels."""
+
+
+def implements(generic, record):
+    """Give `generic`, a function that kernels call and that is empty itself, a body for the case that its first argument is a `record` (a NamedTuple class).
+
+    So a sweep over bonds is written once for every law and every kind of family: numba picks the bodies when it compiles, and inlines them. They make no array.
+    """
+
+    def register(body):
+        names = ", ".join(inspect.signature(generic).parameters)  # numba wants the function that chooses to have the parameters of `generic`
+        scope = {"record": record, "body": body}
+        exec(f"def choose({names}):\n    return body if getattr({names.split(',')[0]}, 'instance_class', None) is record else None", scope)
+        overload(generic, jit_options={"forceinline": True, **_UNCOUNTED}, strict=False)(scope["choose"])
+        return body
+
+    return register

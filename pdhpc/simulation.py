@@ -20,7 +20,7 @@ from pdhpc.output.history import History
 from pdhpc.output.record import OutputError, claim_directory, write_json
 from pdhpc.parallel.comm import on_root, world
 from pdhpc.run import RunError, drive
-from pdhpc.scene.build import build, make_gauges
+from pdhpc.scene.build import build, make_body, make_gauges
 from pdhpc.scene.read import parse_scene, read_text
 
 _LARGE_BALANCE_ERROR = 0.02  # relative; a larger one is reported as a warning
@@ -39,7 +39,7 @@ class Simulation:
         started = time.perf_counter()
         self.comm = world() if comm is None else comm
         self.scene = scene
-        _compile_first_on_each_node(self.comm, scene.dim)
+        _compile_first_on_each_node(self.comm, scene)
         compiled = time.perf_counter()
         self.problem = build(scene, self.comm)
         self.energies, self.probes, self.tips = make_gauges(self.problem, self.comm)
@@ -110,7 +110,7 @@ class Simulation:
         phases = {**self.seconds, **stepper.seconds}
         slowest = {name: max(comm.allgather(seconds)) for name, seconds in phases.items()}
         mean = {name: float(np.mean(comm.allgather(seconds))) for name, seconds in phases.items()}
-        stepping = sum(mean[name] for name in ("force", "exchange", "integrate"))
+        stepping = sum(mean[name] for name in ("force", "exchange", "wait", "integrate"))
         n_particles, n_bonds = int(per_rank[:, 0].sum()), int(per_rank[:, 2].sum()) // 2
         record = {
             "status": status,
@@ -122,6 +122,7 @@ class Simulation:
             "ranks": comm.size,
             "particles": n_particles,
             "bonds": n_bonds,
+            "path": problem.body.path,
             "neighbours_largest": int(comm.allreduce(int(bonds.family_size.max(initial=0)), op=_max())),
             "critical_dt": problem.critical_dt,
             "dt": problem.dt,
@@ -134,6 +135,7 @@ class Simulation:
             "particle_steps_per_second_and_core": n_particles * stepper.step / (stepping * comm.size) if stepping > 0 else None,
             "ghosts": int(per_rank[:, 1].sum()),
             "sent_per_step": int(per_rank[:, 3].sum()),
+            "bytes_sent_per_step": int(comm.allreduce(stepper.internal.bytes_sent)),
             "bond_imbalance": float(per_rank[:, 2].max() / max(per_rank[:, 2].mean(), 1)),
             "broken_bonds": self.energies.latest.get("broken_bonds", 0),
             "energies": {name: value for name, value in self.energies.latest.items() if name != "broken_bonds"},
@@ -186,7 +188,7 @@ def _max():
     return MPI.MAX
 
 
-def _compile_first_on_each_node(comm, dim):
+def _compile_first_on_each_node(comm, scene):
     """Let one rank of each node compile the kernels into the cache before the others load them. Collective."""
     from mpi4py import MPI
 
@@ -194,6 +196,6 @@ def _compile_first_on_each_node(comm, dim):
     if node.rank == 0:
         from pdhpc.warm_up import compile_kernels
 
-        compile_kernels((dim,))
+        compile_kernels((scene.dim,), (make_body(scene).path.split(":")[0],), (scene.material[0].model,))
     node.Barrier()
     node.Free()

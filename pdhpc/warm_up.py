@@ -1,48 +1,89 @@
 """Compile the kernels of a run on a tiny body, so that one process per node fills the cache before the others read it."""
 import numpy as np
 
-from pdhpc.geometry.cracks import cut_bonds, disk, polyline
-from pdhpc.geometry.faces import count_face
-from pdhpc.geometry.lattice import LatticeBody
+from pdhpc.geometry.cracks import disk, polyline
+from pdhpc.geometry.lattice import LatticeBody, find_common_lattice
 from pdhpc.geometry.shapes import Box
 from pdhpc.kernels import motion
-from pdhpc.kernels.bond_states import count_alive, foremost_damaged
-from pdhpc.kernels.cloud import bond_forces
+from pdhpc.kernels.bond_states import count_face, foremost_damaged
 from pdhpc.kernels.neighbours import count_neighbours
-from pdhpc.materials.bond_based import BondBased, Setting, make_law
+from pdhpc.materials.bond_based import BondBased
+from pdhpc.materials.law import Setting
+from pdhpc.materials.state_based import LinearSolid
 from pdhpc.parallel.partition import Partition
+from pdhpc.peridynamics.bonds import cut_by_cracks
 from pdhpc.peridynamics.critical_step import stable_step
 from pdhpc.peridynamics.fields import strain_energy_density
+from pdhpc.peridynamics.internal_forces import InternalForces
+from pdhpc.peridynamics.lattice_subdomain import make_lattice_subdomain, sample_lattice
 from pdhpc.peridynamics.subdomain import make_subdomain
 
+PATHS, MODELS = ("lattice", "cloud"), ("pmb", "lps")
 
-def block(dim, cells, ratio, linear=False):
-    """Return (Subdomain, Law) of a small cube of `cells` per side, family radius `ratio` spacings: for warming up and for measuring kernels. Local."""
+
+class NoGhosts:
+    """What refreshes the ghosts of a body that one process holds: there are none."""
+
+    def __init__(self, field):
+        """field : not used."""
+
+    def start_refresh(self):
+        """Do nothing."""
+
+    def finish_refresh(self):
+        """Do nothing."""
+
+
+def block(dim, cells, ratio, linear=False, path="lattice", model="pmb"):
+    """Return (Subdomain, law) of a small cube of `cells` per side, family radius `ratio` spacings: for warming up and for measuring kernels. Local."""
     spacing = 1e-3
-    body = LatticeBody(Box((0.0,) * dim, (cells * spacing,) * dim), spacing, 0)
-    setting = Setting("3d" if dim == 3 else "plane_stress", ratio * spacing, 1.0, "constant")
-    law = make_law([(BondBased("steel", 7800.0, 200e9, 1e4), True)], setting, spacing, "none")
-    empty = Partition(np.empty(0, np.int64), np.empty(0), np.empty((0, 2), np.int64), 1)
-    describe = lambda points, number: (np.full(len(points), spacing**dim), np.zeros(len(points), np.uint8))  # noqa: E731
-    return make_subdomain([body], empty, 0, ratio * (1 + 1e-9) * spacing, describe, linear), law
+    bodies = [LatticeBody(Box((0.0,) * dim, (cells * spacing,) * dim), spacing, 0)]
+    setting = Setting("3d" if dim == 3 else "plane_stress", ratio * spacing, 1.0, "constant", spacing, "none", linear)
+    material = BondBased("steel", 7800.0, 200e9, 1e4) if model == "pmb" else LinearSolid("steel", 7800.0, 160e9, 80e9, 1e4)
+    law = type(material).law([(material, True)], setting)
+    whole = Partition(np.empty(0, np.int64), np.empty(0), np.empty((0, 2), np.int64), 1)
+    radius = ratio * (1 + 1e-9) * spacing
+
+    def describe(points, number):
+        return np.full(len(points), spacing**dim), np.zeros(len(points), np.uint8)
+
+    if path == "lattice":
+        subdomain = make_lattice_subdomain(bodies, find_common_lattice(bodies)[0], whole, 0, radius, describe, law, linear)
+    else:
+        subdomain = make_subdomain(bodies, whole, 0, radius, describe, linear)
+    subdomain.make_state(law)
+    return subdomain, law
 
 
-def compile_kernels(dims=(2, 3)):
-    """Call every kernel of a run once in each of the dimensions `dims`; kinematics and material share one compilation. Local."""
+def compile_kernels(dims=(2, 3), paths=PATHS, models=MODELS):
+    """Call every kernel of a run once for each choice of dimension, path and model; kinematics share one compilation. Local."""
     for dim in dims:
-        subdomain, law = block(dim, 4, 2.0)
-        particles, arrays = subdomain.particles, subdomain.bonds.arrays
+        for path in paths:
+            for model in models:
+                _compile(dim, path, model)
+
+
+def _compile(dim, path, model):
+    subdomain, law = block(dim, 4, 2.0, False, path, model)
+    particles, arrays, points = subdomain.particles, subdomain.bonds.arrays, subdomain.points
+    slots = particles.slots
+    if path == "lattice":
+        body = LatticeBody(Box((0.0,) * dim, (2e-3,) * dim), 1e-3, 0)
+        sample_lattice([body], find_common_lattice([body])[0], 0, 1, 2e-3)
+    else:
         count_neighbours(particles.reference, 1, 2e-3)
-        crack = polyline([[-1.0, -1.0], [-1.0, -2.0]]) if dim == 2 else disk([-1.0] * 3, [1.0, 0, 0], 0.1)
-        cut_bonds(arrays, particles.reference, particles.n_owned, crack)
-        count_face(arrays.row_start, arrays.neighbour, particles.reference, np.ones(particles.n_owned, bool), 0, 1e-3)
-        stable_step(subdomain.points, arrays, law)
-        counts = np.empty(particles.n_owned, np.int32)
-        count_alive(arrays, counts)
-        foremost_damaged(arrays, counts, 0.5, np.arange(2), np.zeros(particles.n_owned))
-        particles.place()
-        bond_forces(subdomain.points, arrays, law, False, particles.third, (0, particles.n_owned), particles.force_density, particles.dissipated)
-        motion.kick(particles.velocity, particles.force_density, 1.0 / law.density, particles.block, 0.0)
-        motion.drift(particles.displacement, particles.velocity, particles.reference, particles.position, False, 0.0)
-        motion.all_finite(particles.displacement)
-        strain_energy_density(subdomain, law)
+    cut_by_cracks(subdomain.bonds, points, polyline([[-1.0, -1.0], [-1.0, -2.0]]) if dim == 2 else disk([-1.0] * 3, [1.0, 0, 0], 0.1))
+    count_face(arrays, points, particles.third, slots, np.ones(len(particles.position), bool), 0, 1e-3)
+    stable_step(subdomain, law)
+    subdomain.bonds.alive()
+    foremost_damaged(arrays, slots, subdomain.bonds.initial_size, 0.5, np.arange(2), np.zeros(2))
+    subdomain.places()
+    particles.place()
+    InternalForces(subdomain, law, NoGhosts).evaluate()
+    inverse_density = np.zeros(256)
+    particles.kick(inverse_density, 0.0)
+    particles.drift(0.0)
+    particles.kick_drift(inverse_density, 0.0, 0.0)
+    motion.first_not_finite(particles.displacement, slots)
+    motion.kinetic_energies(particles.velocity, particles.volume, particles.block, law.density, slots, np.empty(len(slots)))
+    strain_energy_density(subdomain, law)

@@ -8,7 +8,7 @@ class Conditions:
     def __init__(self, particles, density, loads=(), motions=()):
         """density : (n_block,), kg/m^3."""
         self.particles, self.loads, self.motions = particles, list(loads), list(motions)
-        self._half_density = 0.5 * density[particles.block[particles.owned]] if self.motions else np.empty(0)
+        self._half_density = [0.5 * density[particles.block[motion.indices]] for motion in self.motions]
 
     def add_loads(self, t):
         """Add every load at time t to the force density."""
@@ -27,8 +27,8 @@ class Conditions:
 
     def begin(self):
         """Take the present kinetic energy of prescribed components as that of the start."""
-        for motion in self.motions:
-            motion.initial_kinetic = motion.kinetic(self.particles.velocity, self._half_density)
+        for motion, half_density in zip(self.motions, self._half_density):
+            motion.initial_kinetic = motion.kinetic(self.particles.velocity, half_density)
 
     def work_of_old_forces(self, dt):
         """Account for the work of the forces at the step's start; the velocity is that of the half step."""
@@ -47,8 +47,8 @@ class Conditions:
         """Return (n,) work done so far on loaded and moved particles, J: its sum is the external work."""
         volume, velocity = self.particles.volume, self.particles.velocity
         parts = [load.work * volume[load.indices] for load in self.loads]
-        for motion in self.motions:
-            gained = motion.kinetic(velocity, self._half_density) - motion.initial_kinetic
+        for motion, half_density in zip(self.motions, self._half_density):
+            gained = motion.kinetic(velocity, half_density) - motion.initial_kinetic
             parts.append((motion.work + gained) * volume[motion.indices])
         return np.concatenate(parts) if parts else np.empty(0)
 

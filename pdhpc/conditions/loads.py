@@ -12,18 +12,18 @@ class BodyForce:
     """Force density `vector` f(t) on some particles; traction and gravity are given as force densities too."""
 
     def __init__(self, indices, vector, time_function):
-        """indices (n,) int32, owned particles; vector (n, dim), N/m^3, of each at f = 1; time_function as in time_functions.py."""
+        """indices (n,) int32, slots of owned particles; vector (n, dim), N/m^3, of each at f = 1; time_function as in time_functions.py."""
         self.indices = np.ascontiguousarray(indices, dtype=np.int32)
         self.vector = np.ascontiguousarray(vector, dtype=float)
         self.time_function = time_function
         self.work = np.zeros(len(self.indices))  # J/m^3, done on each particle so far
 
     def add_to(self, force_density, t):
-        """Add the load at time t to force_density (n_owned, dim), N/m^3."""
+        """Add the load at time t to force_density (n_slots, dim), N/m^3."""
         _add_load(force_density, self.indices, self.vector, self.time_function.value(t))
 
     def do_work(self, velocity, t, dt):
-        """Account for the work over the step that ends at t; velocity (n_owned, dim) is that of the half step, m/s."""
+        """Account for the work over the step that ends at t; velocity (n_slots, dim) is that of the half step, m/s."""
         mean = 0.5 * (self.time_function.value(t - dt) + self.time_function.value(t))
         if mean != 0.0:
             _add_load_work(self.work, self.indices, self.vector, velocity, mean * dt)
@@ -33,7 +33,7 @@ class PrescribedMotion:
     """Displacement or velocity of chosen components, given as `value` f(t), of some particles."""
 
     def __init__(self, indices, components, value, time_function, quantity):
-        """indices (n,) int32, owned; components (c,) int; value (c,), m or m/s; quantity "displacement" or "velocity"."""
+        """indices (n,) int32, slots of owned particles; components (c,) int; value (c,), m or m/s; quantity "displacement" or "velocity"."""
         self.indices = np.ascontiguousarray(indices, dtype=np.int32)
         self.components = np.ascontiguousarray(components, dtype=np.int64)
         self.value = np.ascontiguousarray(value, dtype=float)
@@ -65,8 +65,8 @@ class PrescribedMotion:
         _subtract_force_work(self.work, self.indices, self.components, force_density, velocity, 0.5 * dt)
 
     def kinetic(self, velocity, half_density):
-        """Return (n,) kinetic energy density of the prescribed components, J/m^3; half_density (n_owned,) is rho/2, kg/m^3."""
-        return half_density[self.indices] * np.square(velocity[self.indices][:, self.components]).sum(axis=1)
+        """Return (n,) kinetic energy density of the prescribed components, J/m^3; half_density (n,) is rho/2 of these particles, kg/m^3."""
+        return half_density * np.square(velocity[self.indices][:, self.components]).sum(axis=1)
 
 
 @kernel

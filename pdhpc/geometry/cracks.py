@@ -1,15 +1,7 @@
-"""Pre-cracks: surfaces that cut the bonds crossing them.
-
-A bond is cut when its ends lie on different sides of the crack's line or plane and the crossing point lies on the crack. A point on the line or plane
-itself counts as lying on its positive side, so that a crack along a row of particles still separates the body in two.
-"""
+"""Pre-cracks: surfaces that cut the bonds crossing them (kernels/bond_states.py does the cutting)."""
 from typing import NamedTuple
 
 import numpy as np
-
-from pdhpc.jit import kernel
-
-_EDGE = 1e-9  # relative: a crossing point this far outside the rim still counts as on the crack
 
 
 class Facet(NamedTuple):
@@ -46,57 +38,3 @@ def disk(center, normal, radius):
     """Return the Facet of a flat disk (3D), m."""
     normal = np.asarray(normal, dtype=float)
     return [Facet(np.asarray(center, float), normal / np.linalg.norm(normal), np.zeros((2, 3)), float(radius))]
-
-
-def cut_bonds(bonds, points, n_owned, facets):
-    """Clear the alive bit of every bond that crosses one of `facets`; return how many directed bonds of this rank were cut. Local.
-
-    Parameters
-    ----------
-    bonds : BondArrays of the owned particles. points : (n_owned + n_ghost, dim), m, reference positions.
-    """
-    return sum(_cut(bonds.row_start, bonds.neighbour, bonds.alive, points, n_owned, *facet) for facet in facets)
-
-
-@kernel
-def _cut(row_start, neighbour, alive, points, n_owned, origin, normal, along, radius):
-    dim = points.shape[1]
-    cut = 0
-    for i in range(n_owned):
-        side_i = 0.0
-        for d in range(dim):
-            side_i += (points[i, d] - origin[d]) * normal[d]
-        for k in range(row_start[i], row_start[i + 1]):
-            bit = np.uint8(1 << (k & 7))
-            if not alive[k >> 3] & bit:
-                continue
-            j = neighbour[k]
-            side_j = 0.0
-            for d in range(dim):
-                side_j += (points[j, d] - origin[d]) * normal[d]
-            if (side_i >= 0.0) == (side_j >= 0.0):
-                continue
-            fraction = side_i / (side_i - side_j)
-            if _on_piece(points, i, j, fraction, origin, along, radius):
-                alive[k >> 3] &= ~bit
-                cut += 1
-    return cut
-
-
-@kernel
-def _on_piece(points, i, j, fraction, origin, along, radius):
-    """Whether the point at `fraction` of the bond from i to j lies within the rim of the piece."""
-    dim = points.shape[1]
-    if radius > 0.0:
-        distance2 = 0.0
-        for d in range(dim):
-            offset = points[i, d] + fraction * (points[j, d] - points[i, d]) - origin[d]
-            distance2 += offset * offset
-        return distance2 <= (radius * (1.0 + _EDGE)) ** 2
-    for e in range(dim - 1):
-        coordinate = 0.0
-        for d in range(dim):
-            coordinate += (points[i, d] + fraction * (points[j, d] - points[i, d]) - origin[d]) * along[e, d]
-        if coordinate < -_EDGE or coordinate > 1.0 + _EDGE:
-            return False
-    return True

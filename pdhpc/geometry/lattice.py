@@ -4,7 +4,8 @@ from typing import Tuple
 
 import numpy as np
 
-_SLAB_POINTS = 1 << 20  # points tested against the shape at once: bounds the temporary memory of set-up
+_SLAB_POINTS = 1 << 18  # points tested against the shape at once: bounds the temporary memory of set-up
+_ON_LATTICE = 1e-6  # of a spacing: how closely bodies must lie on one lattice to count as doing so
 
 
 @dataclass(frozen=True)
@@ -42,18 +43,29 @@ class LatticeBody:
         -------
         ids : (n,) int64; points : (n, dim) float, m.
         """
-        ranges, coordinates = [], []
-        for axis in range(len(self.cells)):
-            centres = self.centres(axis)
-            first, last = np.searchsorted(centres, [lower[axis], upper[axis]], side="left")
-            ranges.append((int(first), int(last)))
-            coordinates.append(centres[first:last])
+        pieces = list(self.slabs_in(lower, upper))
+        if not pieces:
+            return np.empty(0, np.int64), np.empty((0, len(self.cells)))
+        return np.concatenate([ids for ids, _ in pieces]), np.concatenate([points for _, points in pieces])
+
+    def slabs_in(self, lower, upper):
+        """Yield (ids, points) of points_in in pieces of bounded size, in order. Local."""
+        ranges, coordinates = self.cells_in(lower, upper), []
+        for axis, (first, last) in enumerate(ranges):
+            coordinates.append(self.centres(axis)[first:last])
         layer = int(np.prod([len(c) for c in coordinates[1:]]))
         slab = max(1, _SLAB_POINTS // max(layer, 1))
-        pieces = [self._slab(ranges, coordinates, first, min(first + slab, len(coordinates[0]))) for first in range(0, len(coordinates[0]), slab)]
-        if not pieces:
-            return np.empty(0, np.int64), np.empty((0, len(ranges)))
-        return np.concatenate([ids for ids, _ in pieces]), np.concatenate([points for _, points in pieces])
+        for first in range(0, len(coordinates[0]), slab):
+            yield self._slab(ranges, coordinates, first, min(first + slab, len(coordinates[0])))
+
+    def cells_in(self, lower, upper):
+        """Return [(first, last)] along each axis of the cells whose centres have lower <= x < upper."""
+        found = [np.searchsorted(self.centres(axis), [lower[axis], upper[axis]], side="left") for axis in range(len(self.cells))]
+        return [(int(first), int(last)) for first, last in found]
+
+    def cell_of(self, ids):
+        """Return (n, dim) int64, the cells of ids (n,)."""
+        return np.stack(np.unravel_index(ids - self.first_id, tuple(self.cells)), axis=1)
 
     def _slab(self, ranges, coordinates, first, last):
         """Return (ids, points) of the layers first..last-1 of the first axis."""
@@ -83,3 +95,34 @@ def points_of_bodies(bodies, lower, upper):
     if not parts:
         return np.empty(0, np.int64), np.empty((0, dim)), np.empty(0, np.int32)
     return np.concatenate([ids for ids, _ in parts]), np.concatenate([points for _, points in parts]), np.concatenate(owner)
+
+
+@dataclass(frozen=True)
+class CommonLattice:
+    """The lattice that all bodies lie on: cell c has its centre at origin + (c + 1/2) spacing, m; cell c of body b is cell c + shifts[b] of it."""
+
+    origin: np.ndarray
+    spacing: float
+    shifts: Tuple[np.ndarray, ...]
+
+    def centre(self, axis, first, last):
+        """Return the coordinates of the cells first ... last - 1 along an axis, m: the same bits whoever asks."""
+        return self.origin[axis] + (np.arange(first, last) + 0.5) * self.spacing
+
+    def between(self, axis, coordinate):
+        """Return the plane between two layers of cells that parts them as `coordinate` does, m."""
+        layer = np.ceil((coordinate - self.origin[axis]) / self.spacing - 0.5 - 1e-6)
+        return self.origin[axis] + layer * self.spacing
+
+
+def find_common_lattice(bodies):
+    """Return (CommonLattice, None), or (None, why the bodies share none)."""
+    origin, spacing, shifts = bodies[0].bounds()[0], bodies[0].spacing, []
+    for number, body in enumerate(bodies):
+        offset = (body.bounds()[0] - origin) / spacing
+        shift = np.rint(offset)
+        axis = int(np.argmax(np.abs(offset - shift)))
+        if abs(offset - shift)[axis] > _ON_LATTICE:
+            return None, f"body {number + 1} lies {offset[axis] - shift[axis]:+.3f} spacings along {'xyz'[axis]} off the lattice of body 1"
+        shifts.append(shift.astype(np.int64))
+    return CommonLattice(np.asarray(origin, float), spacing, tuple(shifts)), None

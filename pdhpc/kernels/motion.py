@@ -1,5 +1,13 @@
-"""Updates of velocities and positions, one pass over the owned particles each, no temporaries."""
-from pdhpc.jit import kernel
+"""Updates of velocities, displacements and positions: one pass over the particles each, no temporaries.
+
+Fields of a cloud are (n, dim) with the components of a particle together; those of a lattice (dim, n_slots) with a component of all slots together, and its
+passes run over the cells that the rank owns, empty ones too: there forces and velocities are zero and stay so.
+"""
+from typing import NamedTuple
+
+import numpy as np
+
+from pdhpc.jit import inlined, kernel
 
 
 @kernel
@@ -12,7 +20,7 @@ def place(reference, displacement, position, linear):
 
 @kernel
 def kick(velocity, force_density, inverse_density, block, dt):
-    """v += dt f / rho; velocity, force_density (n_owned, dim); inverse_density (n_block,), m^3/kg."""
+    """v += dt f / rho; velocity, force_density (n_owned, dim); inverse_density (256,), m^3/kg, by block."""
     for i in range(len(velocity)):
         factor = dt * inverse_density[block[i]]
         for d in range(velocity.shape[1]):
@@ -29,12 +37,120 @@ def drift(displacement, velocity, reference, position, linear, dt):
 
 
 @kernel
-def all_finite(field):
-    """Return the index of the first row of field (n, width) with a NaN or an infinity, or -1."""
-    for i in range(len(field)):
+def kick_drift(velocity, force_density, inverse_density, block, displacement, reference, position, linear, half, dt):
+    """`kick` by `half` and `drift` by `dt`, s, in one pass."""
+    for i in range(len(velocity)):
+        factor = half * inverse_density[block[i]]
+        for d in range(velocity.shape[1]):
+            velocity[i, d] += factor * force_density[i, d]
+            displacement[i, d] += dt * velocity[i, d]
+            position[i, d] = displacement[i, d] if linear else reference[i, d] + displacement[i, d]
+
+
+class Rows(NamedTuple):
+    """The cells that a rank owns of a lattice, as rows along the grid's fastest axis.
+
+    start (n_rows,) int64, first slot of each; width, number of slots; axis, x, y or z, that they run along; along (width,), m, coordinates of their cells;
+    corner (n_rows, dim), m, coordinates of each row across it; one_density: all blocks share it.
+    """
+
+    start: np.ndarray
+    width: int
+    axis: int
+    along: np.ndarray
+    corner: np.ndarray
+    one_density: bool
+
+
+@kernel
+def place_rows(rows, displacement, position, linear):
+    """`place` of a lattice; displacement, position (dim, n_slots)."""
+    for row in range(len(rows.start)):
+        first, last = rows.start[row], rows.start[row] + rows.width
+        for d in range(len(displacement)):
+            _place_row(rows, row, d, displacement[d], position[d], first, last, linear)
+
+
+@kernel
+def kick_rows(rows, velocity, force_density, inverse_density, block, dt):
+    """`kick` of a lattice; velocity, force_density (dim, n_slots)."""
+    for row in range(len(rows.start)):
+        first, last = rows.start[row], rows.start[row] + rows.width
+        for d in range(len(velocity)):
+            _kick_row(rows.one_density, velocity[d], force_density[d], inverse_density, block, first, last, dt)
+
+
+@kernel
+def drift_rows(rows, displacement, velocity, position, linear, dt):
+    """`drift` of a lattice; all fields (dim, n_slots)."""
+    for row in range(len(rows.start)):
+        first, last = rows.start[row], rows.start[row] + rows.width
+        for d in range(len(displacement)):
+            _drift_row(displacement[d], velocity[d], first, last, dt)
+            _place_row(rows, row, d, displacement[d], position[d], first, last, linear)
+
+
+@kernel
+def kick_drift_rows(rows, velocity, force_density, inverse_density, block, displacement, position, linear, half, dt):
+    """`kick_rows` by `half` and `drift_rows` by `dt`, s: row by row, so that each row stays in the cache from one to the other."""
+    for row in range(len(rows.start)):
+        first, last = rows.start[row], rows.start[row] + rows.width
+        for d in range(len(velocity)):
+            _kick_row(rows.one_density, velocity[d], force_density[d], inverse_density, block, first, last, half)
+            _drift_row(displacement[d], velocity[d], first, last, dt)
+            _place_row(rows, row, d, displacement[d], position[d], first, last, linear)
+
+
+@inlined
+def _kick_row(one_density, velocity, force_density, inverse_density, block, first, last, dt):
+    """v += dt f / rho of one component of one row."""
+    if one_density:
+        factor = dt * inverse_density[0]
+        for i in range(first, last):
+            velocity[i] += factor * force_density[i]
+    else:
+        for i in range(first, last):
+            velocity[i] += dt * inverse_density[block[i]] * force_density[i]
+
+
+@inlined
+def _drift_row(displacement, velocity, first, last, dt):
+    """u += dt v of one component of one row."""
+    for i in range(first, last):
+        displacement[i] += dt * velocity[i]
+
+
+@inlined
+def _place_row(rows, row, d, displacement, position, first, last, linear):
+    """position = X + u or u of one component of one row."""
+    if linear:
+        for i in range(first, last):
+            position[i] = displacement[i]
+    elif d == rows.axis:
+        for i in range(first, last):
+            position[i] = rows.along[i - first] + displacement[i]
+    else:
+        for i in range(first, last):
+            position[i] = rows.corner[row, d] + displacement[i]
+
+
+@kernel
+def first_not_finite(field, slots):
+    """Return the first n whose particle slots[n] has a NaN or an infinity in field (n_slots, width), or -1."""
+    for n in range(len(slots)):
         total = 0.0
         for d in range(field.shape[1]):
-            total += field[i, d] * 0.0
+            total += field[slots[n], d] * 0.0
         if total != 0.0:
-            return i
+            return n
     return -1
+
+
+@kernel
+def kinetic_energies(velocity, volume, block, density, slots, energy):
+    """Store rho V v^2 / 2, J, of the particles in `slots` (n,) in energy (n,)."""
+    for n in range(len(slots)):
+        i, square = slots[n], 0.0
+        for d in range(velocity.shape[1]):
+            square += velocity[i, d] * velocity[i, d]
+        energy[n] = 0.5 * density[block[i]] * volume[i] * square

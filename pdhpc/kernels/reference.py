@@ -1,40 +1,54 @@
-"""Forces bond by bond: the readable twin of the vector loop of cloud.py, which also serves rows of several blocks or volumes.
+"""Forces bond by bond: the readable twin of the vector loops of cloud.py and lattice.py, on either storage.
 
-`bond_forces` here and there agree to rounding. It takes over where the vector unit is too old, or with PDHPC_KERNELS=reference (see kernels/cloud.py).
+It agrees with them to rounding, takes over where the vector unit is too old or with PDHPC_KERNELS=reference, and serves what vectors do not: rows of
+several blocks or volumes, the bonds of marked particles, and the bonds that break.
 """
-import numpy as np
+from pdhpc.jit import inlined, sweep
+from pdhpc.kernels.family import (
+    bond_strain, break_bond, end_of_bonds, first_bond, inverse_length, is_alive, neighbour, row_width, share, stretch_of,
+)
+from pdhpc.materials.law import bond_energy, bond_weight, far_end, moment_weight, near_end, pull, released_stretch, volume_energy
 
-from pdhpc.jit import inlined, kernel
-from pdhpc.kernels.simd import fma
-from pdhpc.materials.bond_based import bond_weight, pair_energy, pair_force
 
-
-@kernel
-def bond_forces(points, bonds, law, linear, third, rows, force_density, dissipated):
-    """Compute internal force densities and break bonds, as cloud.bond_forces, whose parameters and result these are. Local."""
+@sweep
+def bond_forces(bonds, points, law, state, linear, third, rows, force_density, dissipated):
+    """Compute internal force densities and break bonds, as sweeps.bond_forces, whose parameters and result these are. Local."""
     broken = 0
-    for i in range(rows[0], rows[1]):
-        if row_force(i, points, bonds, law, linear, third, force_density):
-            broken += break_row(i, points, bonds, law, linear, third, dissipated)
-            row_force(i, points, bonds, law, linear, third, force_density)
+    for t in range(len(rows)):
+        for i in range(rows[t], rows[t] + row_width(bonds)):
+            if force_on(bonds, i, points, law, state, linear, third, force_density):
+                broken += break_row(bonds, i, points, law, state, linear, third, dissipated)
+                force_on(bonds, i, points, law, state, linear, third, force_density)
+    return broken
+
+
+@sweep
+def dilatations(bonds, points, law, state, linear, third, rows, dissipated):
+    """Compute p of state-based laws and break bonds, as sweeps.dilatations, whose parameters and result these are. Local."""
+    broken = 0
+    for t in range(len(rows)):
+        for i in range(rows[t], rows[t] + row_width(bonds)):
+            if dilatation_of(bonds, i, points, law, state, linear, third):
+                broken += break_row(bonds, i, points, law, state, linear, third, dissipated)
+                dilatation_of(bonds, i, points, law, state, linear, third)
     return broken
 
 
 @inlined
-def row_force(i, points, bonds, law, linear, third, force_density):
-    """Store f_i = sum_j c omega beta s V_j e_ij, N/m^3, the sum in the order of the slots; return whether an alive bond exceeds its critical stretch."""
-    block = points.block[i]
+def force_on(bonds, i, points, law, state, linear, third, force_density):
+    """Store f_i = sum_j pull_ij V_j d_ij, N/m^3, the sum in the order of the bonds; return whether an alive bond exceeds its limit."""
     fx, fy, fz, beyond = 0.0, 0.0, 0.0, False
-    for k in range(bonds.row_start[i], bonds.row_start[i + 1]):
-        if not is_alive(bonds.alive, k):
+    for k in range(first_bond(bonds, i), end_of_bonds(bonds, i)):
+        if not is_alive(bonds, i, k):
             continue
-        j = bonds.neighbour[k]
-        stretch, along, ex, ey, ez = bond_stretch(i, k, points, bonds, linear, third)
-        pull = pair_force(law.micromodulus[block, points.block[j]], bond_weight(bonds.inv_length[k], law), stretch) * along * points.volume[j]
-        beyond |= stretch > law.critical_stretch[block, points.block[j]]
-        fx += pull * ex
-        fy += pull * ey
-        fz += pull * ez
+        j = neighbour(bonds, i, k)
+        measure, stretch, shrink, dx, dy, dz = bond_strain(bonds, points, i, j, k, linear, third)
+        weight = bond_weight(law, inverse_length(bonds, i, k)) * share(bonds, i, k)
+        tension = pull(law, near_end(law, points, state, i, j), far_end(law, state, j), weight, stretch, shrink) * points.volume[j]
+        beyond |= measure > law.break_at[points.block[i], points.block[j]]
+        fx += tension * dx
+        fy += tension * dy
+        fz += tension * dz
     force_density[i, 0] = fx
     force_density[i, 1] = fy
     if third is not None:
@@ -42,56 +56,49 @@ def row_force(i, points, bonds, law, linear, third, force_density):
     return beyond
 
 
-@kernel
-def break_row(i, points, bonds, law, linear, third, dissipated):
-    """Break the bonds of particle i beyond their critical stretch; return how many.
-
-    A bond dissipates its energy at the critical stretch, which it passed during the step, on average in the middle of it. The work of its force in that step
-    is half of what it would have been, so that to first order the two agree and the energy balance closes; its energy at the step's end would be too much.
-    """
-    broken = 0
-    block = points.block[i]
-    for k in range(bonds.row_start[i], bonds.row_start[i + 1]):
-        if not is_alive(bonds.alive, k):
+@inlined
+def dilatation_of(bonds, i, points, law, state, linear, third):
+    """Store p_i = volumetric a_i^2 sum_j weight s |xi|^2 V_j in state (n_slots, 2); return whether an alive bond exceeds its limit."""
+    total, beyond = 0.0, False
+    for k in range(first_bond(bonds, i), end_of_bonds(bonds, i)):
+        if not is_alive(bonds, i, k):
             continue
-        j = bonds.neighbour[k]
-        stretch, _, _, _, _ = bond_stretch(i, k, points, bonds, linear, third)
-        limit = law.critical_stretch[block, points.block[j]]
-        if stretch > limit:
-            bonds.alive[k >> 3] &= ~np.uint8(1 << (k & 7))
-            inv_l = bonds.inv_length[k]
-            energy = pair_energy(law.micromodulus[block, points.block[j]], bond_weight(inv_l, law), limit, inv_l)
-            dissipated[i] += 0.5 * energy * points.volume[i] * points.volume[j]
-            broken += 1
-    return broken
+        j = neighbour(bonds, i, k)
+        measure, _, _, _, _, _ = bond_strain(bonds, points, i, j, k, linear, third)
+        inv_l = inverse_length(bonds, i, k)
+        total += moment_weight(law, inv_l) * share(bonds, i, k) * stretch_of(measure, linear) * points.volume[j]
+        beyond |= measure > law.break_at[points.block[i], points.block[j]]
+    block = points.block[i]
+    state[i, 1] = law.volumetric[block] * state[i, 0] * state[i, 0] * total if block < len(law.volumetric) else 0.0
+    return beyond
 
 
-@inlined
-def is_alive(alive, k):
-    """Return whether the bond in slot k is intact."""
-    return (alive[k >> 3] >> np.uint8(k & 7)) & np.uint8(1) != 0
+@sweep
+def break_row(bonds, i, points, law, state, linear, third, dissipated):
+    """Break the bonds of particle i beyond their limit; return how many.
 
-
-@inlined
-def bond_stretch(i, k, points, bonds, linear, third):
-    """Return the stretch of bond k of particle i, and the factor and the vector (m) that turn pair_force into a force.
-
-    The same operations in the same order as in the vector loop: both must find the same stretch to the last bit, since a bond breaks at both of its ends or at
-    none.
+    dissipated[i], J, gains V_i times what i loses of its energy density: its part of the energy of each bond at released_stretch, and the change of what it
+    holds beside its bonds.
     """
-    j = bonds.neighbour[k]
-    inv_l = bonds.inv_length[k]
-    ex, ey = points.position[j, 0] - points.position[i, 0], points.position[j, 1] - points.position[i, 1]
-    dx, dy, ez, dz = ex, ey, 0.0, 0.0
-    if linear:
-        dx, dy = points.reference[j, 0] - points.reference[i, 0], points.reference[j, 1] - points.reference[i, 1]
-    along2 = dy * ey
-    if third is not None:
-        ez = points.position[j, 2] - points.position[i, 2]
-        dz = points.reference[j, 2] - points.reference[i, 2] if linear else ez
-        along2 = fma(dy, ey, dz * ez)
-    along2 = fma(dx, ex, along2)
-    if linear:
-        return along2 * (inv_l * inv_l), 1.0, dx, dy, dz
-    ratio = np.sqrt(along2 * (inv_l * inv_l))
-    return ratio - 1.0, 1.0 / ratio, dx, dy, dz
+    broken, released, before, after = 0, 0.0, 0.0, 0.0
+    block = points.block[i]
+    for k in range(first_bond(bonds, i), end_of_bonds(bonds, i)):
+        if not is_alive(bonds, i, k):
+            continue
+        j = neighbour(bonds, i, k)
+        measure, _, _, _, _, _ = bond_strain(bonds, points, i, j, k, linear, third)
+        s, inv_l = stretch_of(measure, linear), inverse_length(bonds, i, k)
+        weight = bond_weight(law, inv_l) * share(bonds, i, k)
+        part = moment_weight(law, inv_l) * share(bonds, i, k) * s * points.volume[j]
+        before += part
+        if measure > law.break_at[block, points.block[j]]:
+            break_bond(bonds, i, k)
+            at = released_stretch(law, s, law.critical_stretch[block, points.block[j]])
+            released += bond_energy(law, near_end(law, points, state, i, j), weight, at, inv_l) * points.volume[j]
+            broken += 1
+        else:
+            after += part
+    if broken:
+        released += volume_energy(law, points, state, i, before) - volume_energy(law, points, state, i, after)
+        dissipated[i] += points.volume[i] * released
+    return broken

@@ -1,7 +1,8 @@
 """An explicit SIMD value for numba: F64x8, eight doubles that go through a kernel together.
 
-LLVM lowers the eight lanes to whatever the processor has (one AVX-512 register, two of AVX2, four of SSE2); every operation is IEEE-exact and done lane by lane
-in a fixed order, so results have the same bits on all of them that have fused multiply-add. Values exist inside kernels only. In a kernel,
+LLVM lowers the eight lanes to whatever the processor has (one AVX-512 register, two of AVX2, four of SSE2); every operation but `rsqrt8` is IEEE-exact and
+done lane by lane in a fixed order, so results have the same bits on all of them that have fused multiply-add. `rsqrt8` is within 2 ulp on AVX-512 and exact
+elsewhere, or everywhere with PDHPC_KERNELS=ieee. Values exist inside kernels only. In a kernel,
 
     from pdhpc.kernels.simd import fma, gather_xy, lane_mask, lane_sum, select, splat, sqrt8
 
@@ -14,7 +15,8 @@ in a fixed order, so results have the same bits on all of them that have fused m
         total = fma(select(live, length, splat(0.0)), ex, total)
     result = lane_sum(total)
 
-`min` and `math.exp` take vectors too, so that a material's law is written once and serves floats and vectors alike.
+`min` and `math.exp` take vectors too, so that a material's law is written once and serves floats and vectors alike. U64x8 holds the bond states of eight
+lattice particles, a word of 64 bonds each: words8 loads them, has_bit(words, b) gives bit b of each as truth values.
 """
 import math
 import operator
@@ -26,13 +28,16 @@ from numba.core import cgutils, types
 from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, register_model
 
-LANES = 8
-CHOICES = ("vector", "reference")
-"""What the environment variable PDHPC_KERNELS may hold."""
+from pdhpc.jit import inlined
 
-_DOUBLE, _I32 = ir.DoubleType(), ir.IntType(32)
+LANES = 8
+CHOICES = ("vector", "ieee", "reference")
+"""What the environment variable PDHPC_KERNELS may hold: vectors, vectors with IEEE square roots and divisions only, or bond by bond."""
+
+_DOUBLE, _I32, _I64 = ir.DoubleType(), ir.IntType(32), ir.IntType(64)
 _VECTOR = ir.VectorType(_DOUBLE, LANES)
 _MASK = ir.VectorType(ir.IntType(1), LANES)
+_WORDS = ir.VectorType(ir.IntType(64), LANES)
 
 
 class _F64x8Type(types.Type):
@@ -45,7 +50,12 @@ class _Mask8Type(types.Type):
         super().__init__(name="Mask8")
 
 
-F64x8, Mask8 = _F64x8Type(), _Mask8Type()
+class _U64x8Type(types.Type):
+    def __init__(self):
+        super().__init__(name="U64x8")
+
+
+F64x8, Mask8, U64x8 = _F64x8Type(), _Mask8Type(), _U64x8Type()
 
 
 @register_model(_F64x8Type)
@@ -60,10 +70,16 @@ class _Mask8Model(models.PrimitiveModel):
         super().__init__(manager, kind, _MASK)
 
 
-def chosen():
-    """Return whether kernels use vectors: as PDHPC_KERNELS says, else wherever eight fused multiply-adds are fast (on x86: AVX2 and FMA). Local.
+@register_model(_U64x8Type)
+class _U64x8Model(models.PrimitiveModel):
+    def __init__(self, manager, kind):
+        super().__init__(manager, kind, _WORDS)
 
-    Ask once, at import, and choose between two functions by the answer: numba's cache would not notice a change of it inside of one function.
+
+def chosen():
+    """Return which kernels to use, one of CHOICES: as PDHPC_KERNELS says, else vectors wherever eight fused multiply-adds are fast (on x86: AVX2 and FMA).
+
+    Local. Ask once, at import, and choose between two functions by the answer: numba's cache would not notice a change of it inside of one function.
 
     Raises
     ------
@@ -72,10 +88,11 @@ def chosen():
     choice = os.environ.get("PDHPC_KERNELS")
     if choice is None:
         features = binding.get_host_cpu_features()
-        return platform.machine() not in ("x86_64", "AMD64") or bool(features.get("avx2") and features.get("fma"))
+        fast = platform.machine() not in ("x86_64", "AMD64") or bool(features.get("avx2") and features.get("fma"))
+        return "vector" if fast else "reference"
     if choice not in CHOICES:
         raise ValueError(f"PDHPC_KERNELS={choice}: must be one of {', '.join(CHOICES)}")
-    return choice == "vector"
+    return choice
 
 
 def _lanes(indices):
@@ -176,6 +193,46 @@ def sqrt8(typing, a):
 
 
 @intrinsic
+def _rsqrt_seed(typing, a):
+    """Return 1/sqrt of a vector to 14 bits (AVX-512 only: elsewhere LLVM could not make code of it)."""
+
+    def lower(context, builder, signature, arguments):
+        kind = ir.FunctionType(_VECTOR, [_VECTOR, _VECTOR, ir.IntType(8)])
+        function = cgutils.get_or_insert_function(builder.module, kind, "llvm.x86.avx512.rsqrt14.pd.512")
+        return builder.call(function, [arguments[0], ir.Constant(_VECTOR, [0.0] * LANES), ir.Constant(ir.IntType(8), -1)])
+
+    return F64x8(F64x8), lower
+
+
+@inlined
+def rsqrt8_exact(x):
+    """Return 1/sqrt(x) of a vector by an IEEE square root and division."""
+    return 1.0 / sqrt8(x)
+
+
+@inlined
+def _rsqrt8_fast(x):
+    """Return 1/sqrt(x) of a vector: a seed of 14 bits and one step of fourth order in h = 1 - x y^2, y (1 + h/2 + 3 h^2/8 + 5 h^3/16)."""
+    y = _rsqrt_seed(x)
+    h = fma(0.0 - x * y, y, splat(1.0))
+    return fma(y * h, fma(fma(splat(0.3125), h, splat(0.375)), h, splat(0.5)), y)
+
+
+rsqrt8 = _rsqrt8_fast if chosen() == "vector" and binding.get_host_cpu_features().get("avx512f") else rsqrt8_exact
+"""1/sqrt of a vector, positive and finite lanes within 2 ulp: the fast one on AVX-512, unless PDHPC_KERNELS=ieee."""
+
+
+@inlined
+def _root8_fast(x):
+    """Return sqrt(x) of a vector as x / sqrt(x)."""
+    return x * _rsqrt8_fast(x)
+
+
+root8 = _root8_fast if rsqrt8 is _rsqrt8_fast else sqrt8
+"""sqrt of a vector, as exact as rsqrt8."""
+
+
+@intrinsic
 def fma(typing, a, b, c):
     """Return a * b + c of three vectors or three floats, rounded once."""
     if a == F64x8:
@@ -246,6 +303,57 @@ def load8(typing, array, index):
         return builder.load(builder.bitcast(pointer, _VECTOR.as_pointer()), align=8)
 
     return F64x8(array, types.intp), lower
+
+
+@intrinsic
+def words8(typing, array, index):
+    """Return array[index] ... array[index + 7] of a contiguous uint64 array as U64x8."""
+
+    def lower(context, builder, signature, arguments):
+        pointer = _element(context, builder, signature.args[0], *arguments)
+        return builder.load(builder.bitcast(pointer, _WORDS.as_pointer()), align=8)
+
+    return U64x8(array, types.intp), lower
+
+
+@intrinsic
+def has_bit(typing, words, bit):
+    """Return bit `bit` (int64, 0 to 63) of each of eight words as truth values."""
+
+    def lower(context, builder, signature, arguments):
+        one = builder.shl(ir.Constant(_I64, 1), arguments[1])
+        splatted = builder.insert_element(ir.Constant(_WORDS, ir.Undefined), one, ir.Constant(_I32, 0))
+        splatted = builder.shuffle_vector(splatted, ir.Constant(_WORDS, ir.Undefined), _lanes([0] * LANES))
+        return builder.icmp_unsigned("!=", builder.and_(arguments[0], splatted), ir.Constant(_WORDS, [0] * LANES))
+
+    return Mask8(U64x8, types.int64), lower
+
+
+@intrinsic
+def lookup8(typing, table, rows, row, columns, column):
+    """Return table[rows[row + k], columns[column + k]], k = 0 ... 7, of a contiguous square float64 table; rows and columns uint8 arrays.
+
+    An index beyond the table, that of a slot without a particle, reads its first entry.
+    """
+
+    def lower(context, builder, signature, arguments):
+        table, rows, row, columns, column = arguments
+        kind = signature.args[0]
+        width = builder.extract_value(context.make_array(kind)(context, builder, table).shape, 1)
+        result = ir.Constant(_VECTOR, ir.Undefined)
+
+        def index(kind, array, first, lane):
+            entry = builder.load(_element(context, builder, kind, array, builder.add(first, ir.Constant(first.type, lane))))
+            entry = builder.zext(entry, first.type)
+            return builder.select(builder.icmp_unsigned("<", entry, width), entry, ir.Constant(first.type, 0))
+
+        for lane in range(LANES):
+            a, b = index(signature.args[1], rows, row, lane), index(signature.args[3], columns, column, lane)
+            value = builder.load(_element(context, builder, kind, table, builder.add(builder.mul(a, width), b)))
+            result = builder.insert_element(result, value, ir.Constant(_I32, lane))
+        return result
+
+    return F64x8(table, rows, types.intp, columns, types.intp), lower
 
 
 @intrinsic

@@ -5,8 +5,10 @@ from typing import NamedTuple, Optional
 
 import numpy as np
 
-from pdhpc.jit import inlined
-from pdhpc.materials.influence import CODES, CONSTANT, INVERSE_DISTANCE, moment
+from pdhpc.jit import implements
+from pdhpc.materials import law as laws
+from pdhpc.materials.influence import moment
+from pdhpc.materials.law import Weighting, influence_over_length, make_weighting, stretch_limits
 
 POISSONS_RATIO = {"plane_stress": 1 / 3, "plane_strain": 1 / 4, "3d": 1 / 4}
 """Poisson's ratio that central forces of equal micromodulus in all directions impose."""
@@ -16,6 +18,19 @@ CRITICAL_STRETCH_FORMULA = {
     "plane_strain": "s0 = sqrt(G / (t c I3)), I3 = int omega r^3 dr; constant omega: sqrt(5 pi G / (12 E delta)) (Ha & Bobaru 2010)",
     "3d": "s0 = sqrt(2 G / (pi c I4)), I4 = int omega r^4 dr; constant omega: sqrt(10 G / (pi c delta^5)) = sqrt(5 G / (6 E delta)) (Silling & Askari 2005)",
 }
+
+
+class BondBasedLaw(NamedTuple):
+    """The bond-based law as kernels see it; tables are indexed by the blocks of a bond's two ends.
+
+    micromodulus (n_block, n_block), N/m^6; critical_stretch, break_at (n_block, n_block), see materials/law.py; density (n_block,), kg/m^3.
+    """
+
+    micromodulus: np.ndarray
+    critical_stretch: np.ndarray
+    break_at: np.ndarray
+    density: np.ndarray
+    weighting: Weighting
 
 
 @dataclass(frozen=True)
@@ -31,6 +46,8 @@ class BondBased:
     youngs_modulus: float
     energy_release_rate: Optional[float] = None
     critical_stretch: Optional[float] = None
+
+    formula = CRITICAL_STRETCH_FORMULA
 
     def micromodulus(self, setting):
         """Return c, N/m^6, such that an isotropic stretch stores the energy of linear elasticity.
@@ -55,80 +72,71 @@ class BondBased:
             return math.sqrt(2 * self.energy_release_rate / (math.pi * c * moment(setting.influence, 4, setting.horizon)))
         return math.sqrt(self.energy_release_rate / (setting.thickness * c * moment(setting.influence, 3, setting.horizon)))
 
+    @staticmethod
+    def law(blocks, setting):
+        """Return the BondBasedLaw of a list of blocks [(BondBased, may_fail)].
 
-class Setting(NamedTuple):
-    """What calibration needs beside the material: dimension ("plane_stress", "plane_strain", "3d"), horizon (m), thickness (m), influence by name."""
+        A bond between two materials is two half-bonds in series: c = 2 c_i c_j / (c_i + c_j).
+        """
+        c = np.array([material.micromodulus(setting) for material, _ in blocks])
+        pairs = np.where(c[:, None] == c[None, :], c[:, None], 2 * c[:, None] * c[None, :] / (c[:, None] + c[None, :]))
+        density = np.array([material.density for material, _ in blocks])
+        return BondBasedLaw(pairs, *stretch_limits(blocks, setting), density, make_weighting(setting))
 
-    dimension: str
-    horizon: float
-    thickness: float
-    influence: str
+
+@implements(laws.bond_weight, BondBasedLaw)
+def _bond_weight(law, inv_length):
+    """omega beta / r, 1/m."""
+    return influence_over_length(law.weighting, inv_length)
 
 
-class Law(NamedTuple):
-    """A bond-based law as kernels see it; tables are indexed by the blocks of a bond's two ends.
+@implements(laws.moment_weight, BondBasedLaw)
+def _moment_weight(law, inv_length):
+    """omega beta r."""
+    return influence_over_length(law.weighting, inv_length) / (inv_length * inv_length)
 
-    micromodulus (n_block, n_block), N/m^6; critical_stretch (n_block, n_block); density (n_block,), kg/m^3; horizon, m; ramp_end, m, and ramp_slope, 1/m:
-    the volume correction is beta = min(1, (ramp_end - r) ramp_slope).
+
+@implements(laws.near_end, BondBasedLaw)
+def _near_end(law, points, state, i, j):
+    """The micromodulus c of the bond."""
+    return law.micromodulus[points.block[i], points.block[j]]
+
+
+@implements(laws.far_end, BondBasedLaw)
+def _far_end(law, state, j):
+    """Nothing."""
+    return 0.0
+
+
+@implements(laws.pull, BondBasedLaw)
+def _pull(law, near, far, weight, stretch, shrink):
+    """c omega beta s / r, along the deformed bond times |xi|/|y|."""
+    return near * weight * stretch
+
+
+@implements(laws.stiffness, BondBasedLaw)
+def _stiffness(law, block, near, far):
+    """The micromodulus."""
+    return near
+
+
+@implements(laws.bond_energy, BondBasedLaw)
+def _bond_energy(law, near, weight, stretch, inv_length):
+    """Half of the micropotential c omega beta s^2 r / 2."""
+    return 0.25 * near * weight * stretch * stretch / (inv_length * inv_length)
+
+
+@implements(laws.volume_energy, BondBasedLaw)
+def _volume_energy(law, points, state, i, total):
+    """None."""
+    return 0.0
+
+
+@implements(laws.released_stretch, BondBasedLaw)
+def _released_stretch(law, stretch, limit):
+    """The critical stretch, which the bond passed during the step, on average in the middle of it.
+
+    The work of its force in that step is half of what it would have been, so that to first order the two agree and the energy balance closes; its energy at
+    the step's end would be too much.
     """
-
-    micromodulus: np.ndarray
-    critical_stretch: np.ndarray
-    density: np.ndarray
-    horizon: float
-    ramp_end: float
-    ramp_slope: float
-    influence: int
-
-
-def family_radius(horizon, spacing, volume_correction):
-    """Return the distance up to which particles are bonded, m: delta, or delta + h/2 (excluded) with the linear volume correction.
-
-    The relative slack of 1e-9 keeps lattice neighbours at exactly the limit in or out whatever round-off says.
-    """
-    return (horizon + spacing / 2) * (1 - 1e-9) if volume_correction == "linear" else horizon * (1 + 1e-9)
-
-
-def make_law(blocks, setting, spacing, volume_correction):
-    """Return the Law of a list of blocks [(BondBased, may_fail)].
-
-    A bond between two materials is two half-bonds in series: c = 2 c_i c_j / (c_i + c_j), s0 the smaller of the two; a bond with an end in a block that may
-    not fail never breaks. The linear volume correction counts the share of a
-    neighbour's cell that lies within the horizon: beta falls from 1 at r = delta - h/2 to 0 at delta + h/2 (Seleson & Littlewood 2016).
-    """
-    c = np.array([material.micromodulus(setting) for material, _ in blocks])
-    limit = np.array([material.stretch_limit(setting) for material, _ in blocks])
-    may_fail = np.array([fails for _, fails in blocks])
-    pair_limit = np.where(may_fail[:, None] & may_fail[None, :], np.minimum(limit[:, None], limit[None, :]), np.inf)
-    pair_c = np.where(c[:, None] == c[None, :], c[:, None], 2 * c[:, None] * c[None, :] / (c[:, None] + c[None, :]))
-    density = np.array([material.density for material, _ in blocks])
-    corrected = volume_correction == "linear"
-    ramp_end, slope = (setting.horizon + spacing / 2, 1 / spacing) if corrected else (4 * setting.horizon, 1 / setting.horizon)
-    return Law(pair_c, pair_limit, density, float(setting.horizon), float(ramp_end), float(slope), CODES[setting.influence])
-
-
-# The law, written once for floats and for vectors of eight bonds (kernels/simd.py).
-
-
-@inlined
-def bond_weight(inv_length, law):
-    """Return omega(r) beta(r) / r, 1/m, of a bond of length r = 1/inv_length: omega = 1, delta/r or exp(-(r/delta)^2)."""
-    corrected = min(inv_length, (inv_length * law.ramp_end - 1.0) * law.ramp_slope)
-    if law.influence == CONSTANT:
-        return corrected
-    if law.influence == INVERSE_DISTANCE:
-        return corrected * (law.horizon * inv_length)
-    ratio = 1.0 / (law.horizon * inv_length)
-    return corrected * math.exp(0.0 - ratio * ratio)
-
-
-@inlined
-def pair_force(micromodulus, weight, stretch):
-    """Return the pair force density per bond length, c omega beta s / r, N/m^7."""
-    return micromodulus * weight * stretch
-
-
-@inlined
-def pair_energy(micromodulus, weight, stretch, inv_length):
-    """Return the micropotential c omega beta s^2 r / 2, J/m^6."""
-    return 0.5 * micromodulus * weight * stretch * stretch / (inv_length * inv_length)
+    return limit

@@ -1,6 +1,8 @@
 """Influence functions omega(r) and the moments of them that calibrate bond-based materials."""
 import math
 
+import numpy as np
+
 CONSTANT, INVERSE_DISTANCE, GAUSSIAN = 0, 1, 2
 CODES = {"constant": CONSTANT, "inverse_distance": INVERSE_DISTANCE, "gaussian": GAUSSIAN}
 FORMULAS = {"constant": "omega = 1", "inverse_distance": "omega = delta/r", "gaussian": "omega = exp(-(r/delta)^2)"}
@@ -26,3 +28,10 @@ def _gaussian_moment(power):
     if power == 1:
         return (1 - math.exp(-1)) / 2
     return ((power - 1) * _gaussian_moment(power - 2) - math.exp(-1)) / 2
+
+
+def value(name, r, horizon):
+    """Return omega(r) of an array of distances r, m."""
+    if name == "constant":
+        return np.ones_like(r)
+    return horizon / r if name == "inverse_distance" else np.exp(-((r / horizon) ** 2))

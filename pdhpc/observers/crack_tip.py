@@ -15,18 +15,19 @@ class CrackTip(Observer):
     Sampled four times per window; the speed is the advance along `direction` over one window divided by it, 0 until a tip was there for a whole window.
     """
 
-    def __init__(self, comm, settings, members, particles, dt):
+    def __init__(self, comm, settings, members, subdomain, dt):
         """settings: scene.Tip (name, direction, threshold, window); members (n,) owned particles of its region; dt, s."""
+        dim = subdomain.particles.dim
         self.comm, self.settings, self.members = comm, settings, members.astype(np.int64)
-        direction = np.asarray(settings.direction or [1.0, 0.0, 0.0][: particles.dim], float)
-        self.ahead = particles.reference[particles.owned] @ (direction / np.linalg.norm(direction))
+        direction = np.asarray(settings.direction or [1.0, 0.0, 0.0][:dim], float)
+        self.ahead = subdomain.places(self.members) @ (direction / np.linalg.norm(direction))  # of the members
         self.every = max(1, int(settings.window / dt / _SAMPLES_PER_WINDOW))
         self._span = max(1, int(round(settings.window / dt / self.every)))  # samples in a window
         self._samples = deque(maxlen=self._span + 1)
         self.dt, self.position, self.speed, self.largest_speed = dt, None, 0.0, 0.0
-        axes = "xyz"[: particles.dim]
+        axes = "xyz"[:dim]
         self.columns = tuple(f"{settings.name}.{axis} [m]" for axis in axes) + (f"{settings.name}.speed [m/s]",)
-        self._dim = particles.dim
+        self._dim = dim
 
     def start(self, stepper):
         """Look for a tip in the initial state. Collective."""
@@ -34,9 +35,9 @@ class CrackTip(Observer):
 
     def observe(self, stepper):
         """Find the tip. Collective."""
-        bonds, reference = stepper.subdomain.bonds, stepper.subdomain.particles.reference
-        found = int(foremost_damaged(bonds.arrays, bonds.initial_size, self.settings.threshold, self.members, self.ahead))
-        mine = (-self.ahead[found], tuple(reference[found])) if found >= 0 else (np.inf, None)
+        bonds = stepper.subdomain.bonds
+        found = int(foremost_damaged(bonds.arrays, bonds.slots, bonds.initial_size, self.settings.threshold, self.members, self.ahead))
+        mine = (-self.ahead[found], tuple(stepper.subdomain.places(self.members[found])[0])) if found >= 0 else (np.inf, None)
         ahead, position = self.comm.allreduce(mine, op=min)
         self._samples.append(-ahead if position is not None else None)
         self.position = position

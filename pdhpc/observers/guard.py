@@ -1,5 +1,5 @@
 """The NaN guard: a run whose numbers are no longer finite stops and says where."""
-from pdhpc.kernels.motion import all_finite
+from pdhpc.kernels.motion import first_not_finite
 from pdhpc.run import Observer, RunError
 
 
@@ -12,8 +12,8 @@ class FiniteGuard(Observer):
     def observe(self, stepper):
         """Stop on every rank when a displacement is NaN or infinite on any. Collective."""
         particles = stepper.subdomain.particles
-        row = int(all_finite(particles.displacement))
-        mine = None if row < 0 else (int(particles.id[row]), tuple(float(x) for x in particles.reference[row]))
+        row = int(first_not_finite(particles.displacement, particles.slots))
+        mine = None if row < 0 else (int(particles.id[row]), tuple(float(x) for x in stepper.subdomain.places(row)[0]))
         bad = [each for each in [self.comm.allreduce(mine, op=_first)] if each is not None]
         if bad:
             raise RunError(

@@ -14,9 +14,8 @@ class FieldOutput(Observer):
 
     def start(self, stepper):
         """Write the particles and the initial state. Collective."""
-        particles = stepper.subdomain.particles
-        owned = particles.owned
-        self.writer.write_points(particles.id[owned], particles.reference[owned], particles.volume[owned], particles.block[owned])
+        subdomain, particles = stepper.subdomain, stepper.subdomain.particles
+        self.writer.write_points(particles.id[: particles.n_owned], subdomain.places(), particles.owned(particles.volume), particles.owned(particles.block))
         self.observe(stepper)
 
     def observe(self, stepper):

@@ -34,7 +34,8 @@ class Probe:
         """Return the values of the columns. Collective."""
         subdomain = stepper.subdomain
         if self.quantity == "reaction":
-            values = -subdomain.particles.force_density[self.members] * subdomain.particles.volume[self.members, None]
+            slots = subdomain.particles.slots[self.members]
+            values = -subdomain.particles.force_density[slots] * subdomain.particles.volume[slots, None]
             return [exact_sum(self.comm, values[:, axis]) for axis in range(self.dim)]
         values = self._components(field(self.quantity, subdomain, stepper.law)[self.members])
         return [exact_sum(self.comm, column) / self.count for column in values]
@@ -48,11 +49,11 @@ class Probe:
         return [values[:, a, b] for a, b in pairs]
 
 
-def nearest_particle(comm, particles, point):
+def nearest_particle(comm, subdomain, point):
     """Return (n,) int: the owned particle nearest to `point` on the rank that has it, empty elsewhere; ties go to the lowest id. Collective."""
-    offset = particles.reference[particles.owned] - np.asarray(point)
+    offset = subdomain.places() - np.asarray(point)
     distance2 = np.einsum("nd,nd->n", offset, offset)
     best = int(np.argmin(distance2)) if len(distance2) else -1
-    mine = (float(distance2[best]), int(particles.id[best]), comm.rank) if best >= 0 else (np.inf, 0, comm.rank)
+    mine = (float(distance2[best]), int(subdomain.particles.id[best]), comm.rank) if best >= 0 else (np.inf, 0, comm.rank)
     winner = comm.allreduce(mine, op=min)
     return np.array([best] if winner[2] == comm.rank and best >= 0 else [], dtype=np.int64)

@@ -60,7 +60,7 @@ class _Span(NamedTuple):
         return (self.middle - self.first) / (self.last - self.first)
 
 
-def bisect(comm, points, weights):
+def bisect(comm, points, weights, snap=None):
     """Cut space into `comm.size` boxes of nearly equal weight. Collective.
 
     Each box is cut across its longest side at the weighted quantile, found by repeated histograms; weights are integers, so that the cuts do not depend
@@ -70,6 +70,7 @@ def bisect(comm, points, weights):
     ----------
     points : (n, dim) float, m; every point on exactly one rank.
     weights : (n,) int, work of each point (its number of bonds).
+    snap : function (axis, cut) -> cut, or None: moves a cut to where the body may be cut, such as between the layers of a lattice.
     """
     size = comm.size
     axis = np.zeros(max(size - 1, 1), dtype=np.int64)
@@ -86,7 +87,7 @@ def bisect(comm, points, weights):
         axes, cuts = _cut_level(comm, points, weights, slot_of, np.array([span.left_share for span in level]))
         following = []
         for slot, span in enumerate(level):
-            axis[span.node], cut[span.node] = axes[slot], cuts[slot]
+            axis[span.node], cut[span.node] = axes[slot], cuts[slot] if snap is None else snap(axes[slot], cuts[slot])
             for side, (first, last) in enumerate(((span.first, span.middle), (span.middle, span.last))):
                 if last - first == 1:
                     child[span.node, side] = -(first + 1)

@@ -3,8 +3,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pdhpc.geometry.cracks import cut_bonds
-from pdhpc.kernels.bond_states import count_alive
+from pdhpc.kernels import bond_states
 from pdhpc.kernels.neighbours import BondArrays, find_bonds, mark_used, renumber
 
 
@@ -14,12 +13,14 @@ class Bonds:
 
     Attributes
     ----------
-    arrays : BondArrays, full list: bonds across a rank border are held by both owners.
-    family_size : (n_owned,) int32, neighbours within the family radius before any crack.
-    initial_size : (n_owned,) int32, those left after the pre-cracks.
+    arrays : BondArrays or LatticeArrays, full list: bonds across a rank border are held by both owners.
+    slots : (n_owned,) int32, of the owned particles.
+    family_size : (n_owned,) int, neighbours within the family radius before any crack.
+    initial_size : (n_owned,) int, those left after the pre-cracks.
     """
 
     arrays: BondArrays
+    slots: np.ndarray
     family_size: np.ndarray
     initial_size: np.ndarray
 
@@ -28,10 +29,14 @@ class Bonds:
         """Bonds of the owned particles, each end counted: twice the number of bonds when summed over ranks."""
         return int(self.family_size.sum(dtype=np.int64))
 
+    def count(self, counts):
+        """Store the number of intact bonds of each owned particle in counts (n_owned,)."""
+        bond_states.count_intact(self.arrays, self.slots, counts)
+
     def alive(self):
-        """Return (n_owned,) int32, intact bonds of each particle."""
-        counts = np.empty(len(self.family_size), np.int32)
-        count_alive(self.arrays, counts)
+        """Return (n_owned,) int, intact bonds of each particle."""
+        counts = np.empty_like(self.family_size)
+        self.count(counts)
         return counts
 
     def damage(self):
@@ -58,11 +63,11 @@ def find_families(reference, ids, n_owned, radius):
     keep = mark_used(arrays.neighbour, len(ids))
     keep[:n_owned] = True
     renumber(arrays.neighbour, (np.cumsum(keep) - 1).astype(np.int32))
-    return Bonds(arrays, sizes, sizes), keep
+    return Bonds(arrays, np.arange(n_owned, dtype=np.int32), sizes, sizes), keep
 
 
-def cut_by_cracks(bonds, particles, facets):
-    """Cut the bonds that cross the facets of pre-cracks; return how many directed bonds that took. Local."""
-    cut = cut_bonds(bonds.arrays, particles.reference, particles.n_owned, facets)
+def cut_by_cracks(bonds, points, facets):
+    """Cut the bonds that cross the facets of pre-cracks (geometry/cracks.py); return how many directed bonds that took. Local."""
+    cut = sum(bond_states.cut_bonds(bonds.arrays, points, bonds.slots, *facet) for facet in facets)
     bonds.initial_size = bonds.alive() if cut else bonds.initial_size
     return cut

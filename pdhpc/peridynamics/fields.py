@@ -1,7 +1,7 @@
 """Fields of the owned particles that output and probes ask for by name."""
 import numpy as np
 
-from pdhpc.kernels import cloud
+from pdhpc.kernels import sweeps
 
 
 def field(name, subdomain, law):
@@ -10,15 +10,15 @@ def field(name, subdomain, law):
 
 
 def _displacement(subdomain, law):
-    return subdomain.particles.displacement
+    return subdomain.particles.owned(subdomain.particles.displacement)
 
 
 def _velocity(subdomain, law):
-    return subdomain.particles.velocity
+    return subdomain.particles.owned(subdomain.particles.velocity)
 
 
 def _force_density(subdomain, law):
-    return subdomain.particles.force_density
+    return subdomain.particles.owned(subdomain.particles.force_density)
 
 
 def _damage(subdomain, law):
@@ -31,16 +31,21 @@ def _precrack(subdomain, law):
 
 def strain_energy_density(subdomain, law):
     """Return (n_owned,) J/m^3, stored in intact bonds."""
-    particles = subdomain.particles
-    energy = np.empty(particles.n_owned)
-    cloud.strain_energy_density(subdomain.points, subdomain.bonds.arrays, law, particles.linear, particles.third, energy)
+    energy = np.empty(subdomain.particles.n_owned)
+    sweeps.strain_energy_density(*_swept(subdomain, law), energy)
     return energy
+
+
+def _swept(subdomain, law):
+    """Return what the sweeps over owned particles take first."""
+    particles = subdomain.particles
+    return subdomain.bonds.arrays, subdomain.points, law, subdomain.state, particles.linear, particles.third, particles.slots
 
 
 def _stress(subdomain, law):
     particles = subdomain.particles
     result = np.empty((particles.n_owned, particles.dim, particles.dim))
-    cloud.stress(subdomain.points, subdomain.bonds.arrays, law, particles.linear, particles.third, result)
+    sweeps.stress(*_swept(subdomain, law), result)
     return result
 
 
@@ -52,7 +57,7 @@ def _strain(subdomain, law):
     particles = subdomain.particles
     shape = np.empty((particles.n_owned, particles.dim, particles.dim))
     moment = np.empty_like(shape)
-    cloud.deformation_moments(subdomain.points, subdomain.bonds.arrays, law, shape, moment)
+    sweeps.deformation_moments(subdomain.bonds.arrays, subdomain.points, law, particles.third, particles.slots, shape, moment)
     if not particles.linear:
         moment -= shape
     gradient = moment @ _inverses(shape)

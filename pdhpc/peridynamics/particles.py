@@ -1,24 +1,47 @@
-"""The particles of one rank: owned first, in ascending global id, then ghosts by (owner, id)."""
+"""The particles of one rank, named by slots: rows of their arrays. Two layouts with one face: a cloud, and the cells of a lattice.
+
+Both have, beside the attributes below: slots (n_owned,) int32, of owned particles in ascending global id; ghost_slots (n_ghost,) int32, by (owner, id);
+id (n_owned + n_ghost,) int64, global ids in this order; n_owned, n_ghost; dim; linear, kinematics; and by slot
+
+    position (n_slots, width), m, current positions (finite kinematics) or displacements (linear)
+    displacement, velocity, force_density (n_slots, dim), m, m/s, N/m^3 (total: bonds and loads)
+    dissipated (n_slots,), J, energy released by bonds that broke, half of each at either end
+    volume (n_slots,), m^3; block (n_slots,) uint8, index of material and failure rule
+"""
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from pdhpc.kernels.motion import place
+from pdhpc.kernels import motion
+
+
+class _Slotted:
+    """What both layouts share."""
+
+    @property
+    def n_ghost(self):
+        """Number of ghosts."""
+        return len(self.id) - self.n_owned
+
+    @property
+    def third(self):
+        """The third axis as kernels take it: None in 2D, 2 in 3D."""
+        return None if self.dim == 2 else 2
+
+    def owned(self, values):
+        """Return the rows of a field by slot that belong to owned particles, in ascending id: a copy, or a view where they lie together."""
+        return values[: self.n_owned] if self.contiguous else values[self.slots]
+
+    def put(self, field, values):
+        """Store values (n_owned, ...) of owned particles, in ascending id, in a field by slot."""
+        field[self.slots] = values
 
 
 @dataclass
-class Particles:
-    """State and constants of owned and ghost particles.
+class Particles(_Slotted):
+    """A cloud: owned particles in the first slots, then ghosts. Arrays by slot of velocities, forces and dissipation hold the owned ones only.
 
-    Attributes
-    ----------
-    id : (n_owned + n_ghost,) int64, global ids
-    reference : (n_owned + n_ghost, dim), m, positions in the unloaded body, a view of padded_reference (n_owned + n_ghost, width)
-    position : (n_owned + n_ghost, width), m, current positions (finite kinematics) or displacements (linear); width 2 in 2D, 4 in 3D
-    volume : (n_owned + n_ghost,), m^3
-    block : (n_owned + n_ghost,) uint8, index of material and failure rule
-    displacement, velocity, force_density : (n_owned, dim), m, m/s, N/m^3 (total: bonds and loads)
-    dissipated : (n_owned,), J, energy released by bonds that broke, half of each at either end
+    reference : (n_owned + n_ghost, dim), m, positions in the unloaded body, a view of padded_reference (n_owned + n_ghost, width), width 2 or 4.
     """
 
     id: np.ndarray
@@ -27,6 +50,7 @@ class Particles:
     block: np.ndarray
     n_owned: int
     linear: bool
+    contiguous = True
     padded_reference: np.ndarray = field(init=False)
     position: np.ndarray = field(init=False)
     displacement: np.ndarray = field(init=False)
@@ -44,28 +68,65 @@ class Particles:
         self.velocity = np.zeros((self.n_owned, dim))
         self.force_density = np.zeros((self.n_owned, dim))
         self.dissipated = np.zeros(self.n_owned)
+        self.slots = np.arange(self.n_owned, dtype=np.int32)
+        self.ghost_slots = np.arange(self.n_owned, n, dtype=np.int32)
 
     @property
     def dim(self):
         """2 or 3."""
         return self.reference.shape[1]
 
-    @property
-    def n_ghost(self):
-        """Number of ghosts."""
-        return len(self.id) - self.n_owned
+    def place(self):
+        """Set the owned `position` from `displacement`."""
+        motion.place(self.reference, self.displacement, self.position, self.linear)
 
-    @property
-    def owned(self):
-        """Slice of the owned particles."""
-        return slice(0, self.n_owned)
+    def kick(self, inverse_density, dt):
+        """v += dt f / rho; inverse_density (256,), m^3/kg, by block."""
+        motion.kick(self.velocity, self.force_density, inverse_density, self.block, dt)
 
-    @property
-    def third(self):
-        """The third axis as kernels take it: None in 2D, 2 in 3D."""
-        return None if self.dim == 2 else 2
+    def drift(self, dt):
+        """u += dt v, and `place`."""
+        motion.drift(self.displacement, self.velocity, self.reference, self.position, self.linear, dt)
+
+    def kick_drift(self, inverse_density, half, dt):
+        """`kick` by `half`, `drift` by dt, s, in one pass."""
+        motion.kick_drift(
+            self.velocity, self.force_density, inverse_density, self.block, self.displacement, self.reference, self.position, self.linear, half, dt
+        )
+
+
+class LatticeParticles(_Slotted):
+    """Particles on the cells of a padded grid: slots are cells, each component of a field lies together, (n_slots, dim) is a view of (dim, n_slots).
+
+    Memory per slot in 3D: position, displacement, velocity, force density 96 bytes, dissipation 8, block 1; per particle: id 8, slot 4.
+    """
+
+    contiguous = False
+
+    def __init__(self, ids, slots, ghost_slots, block, cell_volume, rows, dim, linear):
+        """block : (n_slots,) uint8, MIXED where no particle is. rows : motion.Rows, the cells that this rank owns."""
+        n_slots = len(block)
+        self.id, self.slots, self.ghost_slots, self.block = ids, slots, ghost_slots, block
+        self.n_owned, self.dim, self.linear, self.rows = len(slots), dim, linear, rows
+        self.volume = np.broadcast_to(np.array(cell_volume), (n_slots,))
+        self._position, self._displacement, self._velocity, self._force = (np.zeros((dim, n_slots)) for _ in range(4))
+        self.position, self.displacement, self.velocity, self.force_density = self._position.T, self._displacement.T, self._velocity.T, self._force.T
+        self.dissipated = np.zeros(n_slots)
 
     def place(self):
         """Set the owned `position` from `displacement`."""
-        place(self.reference, self.displacement, self.position, self.linear)
+        motion.place_rows(self.rows, self._displacement, self._position, self.linear)
 
+    def kick(self, inverse_density, dt):
+        """v += dt f / rho; inverse_density (256,), m^3/kg, by block."""
+        motion.kick_rows(self.rows, self._velocity, self._force, inverse_density, self.block, dt)
+
+    def drift(self, dt):
+        """u += dt v, and `place`."""
+        motion.drift_rows(self.rows, self._displacement, self._velocity, self._position, self.linear, dt)
+
+    def kick_drift(self, inverse_density, half, dt):
+        """`kick` by `half`, `drift` by dt, s, in one pass."""
+        motion.kick_drift_rows(
+            self.rows, self._velocity, self._force, inverse_density, self.block, self._displacement, self._position, self.linear, half, dt
+        )

@@ -3,25 +3,56 @@ import numpy as np
 
 from pdhpc.geometry.lattice import points_of_bodies
 from pdhpc.jit import kernel
-from pdhpc.kernels.cloud import MIXED, PointArrays
+from pdhpc.kernels import sweeps
+from pdhpc.kernels.family import MIXED, PointArrays
 from pdhpc.kernels.neighbours import count_neighbours
 from pdhpc.peridynamics.bonds import find_families
 from pdhpc.peridynamics.particles import Particles
 
-_SAMPLE = 60_000  # particles per rank that the partition is computed from: its imbalance is then about half a percent
+SAMPLE = 60_000
+"""Particles per rank that the partition is computed from: its imbalance is then about half a percent."""
 _MARGIN = 1e-6  # relative to the family radius: points this far outside still count as candidates for ghosts
 
 
 class Subdomain:
     """Particles, bonds and the owners of the ghosts of one rank.
 
-    Memory per particle at 122 neighbours in 3D: 12 bytes a bond slot (1536), bond states 16, particle arrays 170, so 1.7 kB; ghosts hold the constants and
-    positions only (81 bytes).
+    Memory per particle at 122 neighbours in 3D: of a cloud 12 bytes a bond slot (1536), bond states 16, particle arrays 180, so 1.7 kB; ghosts hold the
+    constants and positions only (81 bytes). Of a lattice 16 bytes of bond states, 105 for the fields of each cell, padding included, and 16 a particle.
+
+    Attributes
+    ----------
+    particles : Particles or LatticeParticles. bonds : Bonds. points : PointArrays. ghost_owner : (n_ghost,) ranks.
+    rows : (interior, border), int32: what a sweep goes through; only the border touches ghosts.
+    state : None, or (n_slots, 2), see `make_state`.
     """
 
-    def __init__(self, particles, bonds, ghost_owner):
-        self.particles, self.bonds, self.ghost_owner = particles, bonds, ghost_owner
-        self.points = PointArrays(particles.padded_reference, particles.position, particles.volume, particles.block, _row_blocks(particles, bonds))
+    def __init__(self, particles, bonds, ghost_owner, points, rows):
+        self.particles, self.bonds, self.ghost_owner, self.points, self.rows = particles, bonds, ghost_owner, points, rows
+        self.state = None
+
+    def make_state(self, law):
+        """Make the state of a state-based law: a_i of the owned particles from their intact bonds, and p_i; nothing for other laws. Local.
+
+        The ghosts' a_i must be refreshed once.
+        """
+        if not hasattr(law, "volumetric"):
+            return
+        n_slots = len(self.points.position)
+        lattice = not self.particles.contiguous
+        self.state = np.zeros((2, n_slots)).T if lattice else np.zeros((n_slots, 2))
+        sweeps.weighted_volumes(self.bonds.arrays, self.points, law, self.particles.slots, self.state)
+
+    def places(self, members=slice(None)):
+        """Return (n, dim) reference positions, m, of owned particles, all or those that `members` names. Local."""
+        return self.places_at(self.particles.slots[members])
+
+    def places_at(self, slots):
+        """Return (n, dim) reference positions, m, of the particles in `slots` (n,). Local."""
+        slots = np.atleast_1d(slots)
+        result = np.empty((len(slots), self.particles.dim))
+        sweeps.places(self.bonds.arrays, self.points, slots, result)
+        return result
 
 
 def sample_with_weights(bodies, bounds, rank, size, radius):
@@ -46,7 +77,7 @@ def sample_with_weights(bodies, bounds, rank, size, radius):
 
 def _sampled(ids, count):
     """Return (n,) bool: all particles of a small body, a scattered share of a large one, chosen by a hash of the id."""
-    share = max(1, count // _SAMPLE)
+    share = max(1, count // SAMPLE)
     return (ids * 2654435761 >> 12) % share == 0
 
 
@@ -69,7 +100,9 @@ def make_subdomain(bodies, partition, rank, radius, describe, linear):
     ids, points, body, ghost_owner = ids[keep], points[keep], body[keep], ghost_owner[keep[n_owned:]]
     volume, block = describe(points, body)
     particles = Particles(ids, points, volume, block, n_owned, linear)
-    return Subdomain(particles, bonds, ghost_owner)
+    border = _touch_ghosts(bonds.arrays.row_start, bonds.arrays.neighbour, n_owned)
+    arrays = PointArrays(particles.padded_reference, particles.position, particles.volume, particles.block, _row_blocks(particles, bonds))
+    return Subdomain(particles, bonds, ghost_owner, arrays, (particles.slots[~border], particles.slots[border]))
 
 
 def _ghost_candidates(bodies, partition, rank, radius, owned):
@@ -106,8 +139,7 @@ def _shell(lower, upper, inner_lower, inner_upper):
 
 def _row_blocks(particles, bonds):
     """Return (n_owned,) uint8: the block of a row whose particle and neighbours agree in block and volume, else MIXED."""
-    owned = particles.owned
-    row_block = particles.block[owned].copy()
+    row_block = particles.owned(particles.block).copy()
     volume, block = particles.volume, particles.block
     if np.ptp(volume) > 0 or np.ptp(block) > 0 if len(volume) else False:
         _mark_mixed(bonds.arrays.row_start, bonds.arrays.neighbour, volume, block, row_block)
@@ -122,3 +154,15 @@ def _mark_mixed(row_start, neighbour, volume, block, row_block):
             if volume[j] != volume[i] or block[j] != block[i]:
                 row_block[i] = MIXED
                 break
+
+
+@kernel
+def _touch_ghosts(row_start, neighbour, n_owned):
+    """Return (n_owned,) bool: which rows have a ghost among their neighbours."""
+    touches = np.zeros(n_owned, np.bool_)
+    for i in range(n_owned):
+        for k in range(row_start[i], row_start[i + 1]):
+            if neighbour[k] >= n_owned:
+                touches[i] = True
+                break
+    return touches

@@ -3,9 +3,9 @@ import time
 
 import numpy as np
 
-from pdhpc.kernels.cloud import bond_forces
-from pdhpc.kernels.motion import drift, kick
+from pdhpc.kernels.motion import kinetic_energies
 from pdhpc.peridynamics.fields import strain_energy_density
+from pdhpc.peridynamics.internal_forces import InternalForces
 
 
 class VelocityVerlet:
@@ -19,15 +19,16 @@ class VelocityVerlet:
     Prescribed components follow their motion instead. Forces are a function of (u, bond states) alone, so that a run continues from those.
     """
 
-    def __init__(self, subdomain, law, conditions, ghosts, dt):
-        """conditions : Conditions; ghosts : what refreshes the ghosts of `particles.position` (start_refresh, finish_refresh); dt : s."""
-        self.subdomain, self.law, self.conditions, self.ghosts = subdomain, law, conditions, ghosts
+    def __init__(self, subdomain, law, conditions, bind, dt):
+        """conditions : Conditions; bind : function field -> what refreshes its ghosts (see InternalForces); dt : s."""
+        self.subdomain, self.law, self.conditions = subdomain, law, conditions
         self.dt, self.step, self.broken = dt, 0, 0
-        self.seconds = {"force": 0.0, "exchange": 0.0, "integrate": 0.0}
-        particles = subdomain.particles
-        self._inverse_density = 1.0 / law.density
-        self._rows = (0, particles.n_owned)
-        particles.place()
+        self.internal = InternalForces(subdomain, law, bind)
+        self.seconds = self.internal.seconds
+        self.seconds["integrate"] = 0.0
+        self._inverse_density = np.zeros(256)  # by block; a cell without a particle has none
+        self._inverse_density[: len(law.density)] = 1.0 / law.density
+        subdomain.particles.place()
         self._evaluate_forces()
         conditions.settle(0.0)
         conditions.begin()
@@ -40,44 +41,38 @@ class VelocityVerlet:
     def advance(self):
         """Do one step. Collective over neighbouring ranks."""
         started = time.perf_counter()
-        self._kick()
-        self.conditions.steer(self.time + self.dt, self.dt)
-        self._drift()
+        self._kick_and_drift()
         self.step += 1
         self.conditions.work_of_old_forces(self.dt)
         self.seconds["integrate"] += time.perf_counter() - started
         self._evaluate_forces()
         started = time.perf_counter()
         self.conditions.work_of_new_forces(self.time, self.dt)
-        self._kick()
+        self.subdomain.particles.kick(self._inverse_density, 0.5 * self.dt)
         self.conditions.settle(self.time)
         self.seconds["integrate"] += time.perf_counter() - started
 
-    def _kick(self):
+    def _kick_and_drift(self):
+        """Take velocities to the half step and displacements to the next: in one pass where no motion is prescribed in between."""
         particles = self.subdomain.particles
-        kick(particles.velocity, particles.force_density, self._inverse_density, particles.block, 0.5 * self.dt)
-
-    def _drift(self):
-        particles = self.subdomain.particles
-        drift(particles.displacement, particles.velocity, particles.reference, particles.position, particles.linear, self.dt)
+        if not self.conditions.motions:
+            particles.kick_drift(self._inverse_density, 0.5 * self.dt, self.dt)
+            return
+        particles.kick(self._inverse_density, 0.5 * self.dt)
+        self.conditions.steer(self.time + self.dt, self.dt)
+        particles.drift(self.dt)
 
     def _evaluate_forces(self):
-        particles, bonds = self.subdomain.particles, self.subdomain.bonds
+        self.broken += self.internal.evaluate()
         started = time.perf_counter()
-        self.ghosts.refresh()
-        refreshed = time.perf_counter()
-        self.broken += bond_forces(
-            self.subdomain.points, bonds.arrays, self.law, particles.linear, particles.third, self._rows, particles.force_density, particles.dissipated
-        )
         self.conditions.add_loads(self.time)
-        self.seconds["exchange"] += refreshed - started
-        self.seconds["force"] += time.perf_counter() - refreshed
+        self.seconds["integrate"] += time.perf_counter() - started
 
     def state(self):
-        """Return {key: (getter, setter)} of everything a continued run needs."""
+        """Return {key: (getter, setter)} of everything a continued run needs, arrays of owned particles in ascending id."""
         particles, arrays = self.subdomain.particles, self.subdomain.bonds.arrays
-        fields = {"displacement": particles.displacement, "velocity": particles.velocity, "dissipated": particles.dissipated, "alive": arrays.alive}
-        state = {name: (lambda field=field: field, lambda value, field=field: np.copyto(field, value)) for name, field in fields.items()}
+        state = {name: _rows(particles, getattr(particles, name)) for name in ("displacement", "velocity", "dissipated")}
+        state["alive"] = (lambda: arrays.alive, lambda value: np.copyto(arrays.alive, value))
         state["step"] = (lambda: self.step, lambda value: setattr(self, "step", int(value)))
         state.update(self.conditions.state())
         return state
@@ -85,11 +80,22 @@ class VelocityVerlet:
     def ledger(self):
         """Return {name: (n,) J} of this rank's contributions to the energies; sums over all ranks are the body's. Local."""
         particles = self.subdomain.particles
-        volume = particles.volume[particles.owned]
-        density = self.law.density[particles.block[particles.owned]]
+        kinetic = np.empty(particles.n_owned)
+        kinetic_energies(particles.velocity, particles.volume, particles.block, self.law.density, particles.slots, kinetic)
+        strain = strain_energy_density(self.subdomain, self.law)
+        strain *= particles.owned(particles.volume)
         return {
-            "kinetic_energy": 0.5 * density * volume * np.einsum("nd,nd->n", particles.velocity, particles.velocity),
-            "strain_energy": volume * strain_energy_density(self.subdomain, self.law),
-            "dissipated_energy": particles.dissipated,
+            "kinetic_energy": kinetic,
+            "strain_energy": strain,
+            "dissipated_energy": particles.owned(particles.dissipated),
             "external_work": self.conditions.external_work(),
         }
+
+
+def _rows(particles, field):
+    """Return (getter, setter) of the owned rows of a field by slot."""
+
+    def put(value):
+        field[particles.slots] = value
+
+    return lambda: particles.owned(field), put

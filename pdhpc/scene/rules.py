@@ -70,10 +70,10 @@ def _check_materials(scene):
     expected = POISSONS_RATIO[scene.dimension]
     for number, material in enumerate(scene.material):
         where = section("material", number, material)
-        if material.poissons_ratio is not None and abs(material.poissons_ratio - expected) > 1e-3:
-            words = "1/3" if scene.dimension == "plane_stress" else "1/4"
-            allowed = f'{words} (or no such key): a bond-based material fixes it in dimension = "{scene.dimension}"'
-            raise Rule(f"{where}: poissons_ratio", material.poissons_ratio, allowed)
+        if material.model != scene.material[0].model:
+            first = scene.material[0]
+            raise Rule(f"{where}: model", f'"{material.model}"', f'"{first.model}", the model of material \'{first.name}\': all materials of a scene share one')
+        (_check_bond_based if material.model == "pmb" else _check_linear_solid)(scene, where, material, expected)
         if material.energy_release_rate is not None and material.critical_stretch is not None:
             raise Rule(f"{where}: critical_stretch", f"{material.critical_stretch} beside energy_release_rate", "one of the two, not both")
     names = [material.name for material in scene.material]
@@ -82,6 +82,30 @@ def _check_materials(scene):
     for name in names:
         if name not in used:
             raise Rule(f"material '{name}': name", f'"{name}", which no body uses', "a material that a body uses")
+
+
+def _check_bond_based(scene, where, material, expected):
+    if material.youngs_modulus is None:
+        raise Rule(f"{where}: youngs_modulus", "nothing", 'a number above 0, Pa: model = "pmb" needs it')
+    for key in ("bulk_modulus", "shear_modulus"):
+        if getattr(material, key) is not None:
+            raise Rule(f"{where}: {key}", getattr(material, key), 'no such key in model = "pmb", which has youngs_modulus alone (model = "lps" takes both)')
+    if material.poissons_ratio is not None and abs(material.poissons_ratio - expected) > 1e-3:
+        words = "1/3" if scene.dimension == "plane_stress" else "1/4"
+        allowed = f'{words} (or no such key): a bond-based material fixes it in dimension = "{scene.dimension}" (model = "lps" does not)'
+        raise Rule(f"{where}: poissons_ratio", material.poissons_ratio, allowed)
+
+
+def _check_linear_solid(scene, where, material, expected):
+    pairs = ("youngs_modulus", "poissons_ratio"), ("bulk_modulus", "shear_modulus")
+    given = [key for pair in pairs for key in pair if getattr(material, key) is not None]
+    if tuple(given) not in pairs:
+        missing = next(iter([key for pair in pairs if set(given) & set(pair) for key in pair if key not in given]), "youngs_modulus")
+        found = f"nothing beside {' and '.join(given)}" if len(given) == 1 else ("nothing" if not given else f"a value beside {' and '.join(given)}")
+        key = missing if len(given) < 2 else given[-1]
+        raise Rule(f"{where}: {key}", found, 'youngs_modulus and poissons_ratio, or bulk_modulus and shear_modulus, for model = "lps"')
+    if material.poissons_ratio is not None and not -1 < material.poissons_ratio < 0.5:
+        raise Rule(f"{where}: poissons_ratio", material.poissons_ratio, "a number above -1 and below 0.5")
 
 
 def _check_bodies(scene):

@@ -34,21 +34,28 @@ class Particles(Table):
     kinematics: Literal["finite", "linear"] = key(
         "stretch of a bond xi with relative displacement eta: of its deformed length, or linearised", "",
         "s = |xi + eta|/|xi| - 1, or xi.eta/|xi|^2; Silling & Askari 2005", default="finite")
+    path: Literal["auto", "lattice", "cloud"] = key(
+        "how bonds are stored: as a stencil with a bit each, where all bodies lie on one lattice, or as lists of neighbours; the same model", default="auto")
 
 
 class Material(Table):
     """A material; several may share a scene."""
 
     name: Name = key("name of the material")
-    model: Literal["pmb"] = key("bond-based prototype microelastic brittle material", "", "Silling 2000; Silling & Askari 2005", default="pmb")
+    model: Literal["pmb", "lps"] = key(
+        "pmb: bond-based prototype microelastic brittle material; lps: state-based linear peridynamic solid, of any Poisson's ratio", "",
+        "Silling 2000; Silling & Askari 2005; Silling et al. 2007; Le, Chan & Schwartz 2014", default="pmb")
     density: Positive = key("mass density", "kg/m^3")
-    youngs_modulus: Positive = key(
-        "Young's modulus E", "Pa", "3D: c = 12 E/(pi delta^4); plane stress: 9 E/(pi t delta^3); plane strain: 48 E/(5 pi t delta^3)")
+    youngs_modulus: Optional[Positive] = key(
+        "Young's modulus E", "Pa", "pmb: c = 12 E/(pi delta^4) in 3D, 9 E/(pi t delta^3) in plane stress, 48 E/(5 pi t delta^3) in plane strain", default=None)
     poissons_ratio: Optional[Number] = key(
-        "Poisson's ratio, fixed by the model: 1/4 in 3D and plane strain, 1/3 in plane stress", "1", "Silling 2000", default=None)
+        "Poisson's ratio, -1 to 1/2; fixed by pmb: 1/4 in 3D and plane strain, 1/3 in plane stress", "1", "Silling 2000", default=None)
+    bulk_modulus: Optional[Positive] = key("bulk modulus K (of 3D) of lps, in the place of E and nu", "Pa", "K = E/(3 (1 - 2 nu))", default=None)
+    shear_modulus: Optional[Positive] = key("shear modulus G of lps, in the place of E and nu", "Pa", "G = E/(2 (1 + nu))", default=None)
     energy_release_rate: Optional[Positive] = key(
         "energy G per crack area; sets the critical stretch", "J/m^2",
-        "3D: s0 = sqrt(5 G/(6 E delta)); plane stress: sqrt(4 pi G/(9 E delta)); plane strain: sqrt(5 pi G/(12 E delta)), constant influence", default=None)
+        "pmb: s0 = sqrt(5 G/(6 E delta)) in 3D, sqrt(4 pi G/(9 E delta)) in plane stress, sqrt(5 pi G/(12 E delta)) in plane strain, constant influence; "
+        "lps: see check", default=None)
     critical_stretch: Optional[Positive] = key("stretch s0 at which a bond breaks; neither this nor energy_release_rate: bonds never break", "1", default=None)
 
 
@@ -162,7 +169,8 @@ class Scene(Table):
         if self.dim == 2:
             data["particles"].setdefault("thickness", self.thickness)
         for material in data["material"]:
-            material.setdefault("poissons_ratio", POISSONS_RATIO[self.dimension])
+            if material["model"] == "pmb":
+                material.setdefault("poissons_ratio", POISSONS_RATIO[self.dimension])
         for initial in data["initial"]:
             initial.setdefault("origin", [0.0] * self.dim)
         for tip in data["tip"]:

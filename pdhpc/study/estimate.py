@@ -6,15 +6,18 @@ from typing import List, NamedTuple, Tuple
 import numpy as np
 
 from pdhpc.geometry.lattice import points_of_bodies
-from pdhpc.kernels.cloud import bond_forces
 from pdhpc.kernels.neighbours import LANES
-from pdhpc.materials.bond_based import CRITICAL_STRETCH_FORMULA, Setting
+from pdhpc.kernels.lattice import WORD
 from pdhpc.parallel.comm import world
-from pdhpc.scene.build import build, choose_step, make_body, make_gauges, radius_of, select
-from pdhpc.warm_up import block
+from pdhpc.peridynamics.critical_step import stable_step
+from pdhpc.peridynamics.internal_forces import InternalForces
+from pdhpc.scene.build import build, calibration_of, choose_step, make_body, make_gauges, radius_of, select
+from pdhpc.warm_up import NoGhosts, block
 
 _BYTES_PER_SLOT = 12.125  # neighbour, inverse length, bond state
-_BYTES_PER_PARTICLE = {2: 114, 3: 170}
+_BYTES_PER_PARTICLE = {2: 122, 3: 180}
+_BYTES_PER_CELL = {2: 73, 3: 105}  # of a lattice, and 8 for each word of bond states
+_STATE_BYTES = {"pmb": 0, "lps": 16}
 _SMALL = 1.2e7  # directed bonds up to which the body is built
 _SLAB_POINTS = 1 << 20
 
@@ -35,6 +38,7 @@ class Estimate(NamedTuple):
     rate: float  # bonds per second and core
     seconds: float
     warnings: List[str]
+    path: str
 
 
 def estimate(scene, ranks=None):
@@ -51,12 +55,22 @@ def estimate(scene, ranks=None):
     else:
         particles, bonds, neighbours, critical, warnings = _sampled(scene, body, family, ratio)
     dt, steps, more = choose_step(scene, critical)
-    rate = _kernel_rate(scene, ratio)
-    slots = particles * math.ceil(neighbours / LANES) * LANES
-    memory = (slots * _BYTES_PER_SLOT + particles * _BYTES_PER_PARTICLE[scene.dim]) / ranks
+    rate = _kernel_rate(scene, ratio, body.path.split(":")[0])
+    memory = particles / ranks * _bytes_per_particle(scene, body, neighbours, ratio, particles / ranks)
     seconds = 2 * bonds * steps / (rate * ranks)
     stretch = _critical_stretches(scene, body)
-    return Estimate(exact, particles, bonds, neighbours, stretch, critical, dt, steps, ranks, memory, rate, seconds, warnings + more)
+    return Estimate(exact, particles, bonds, neighbours, stretch, critical, dt, steps, ranks, memory, rate, seconds, warnings + more, body.path)
+
+
+def _bytes_per_particle(scene, body, neighbours, ratio, per_rank):
+    """Return the memory of a particle and its bonds; on a lattice the padding of a compact share of `per_rank` particles counts too."""
+    extra = _STATE_BYTES[scene.material[0].model]
+    if body.lattice is None:
+        return math.ceil(neighbours / LANES) * LANES * _BYTES_PER_SLOT + _BYTES_PER_PARTICLE[scene.dim] + extra
+    side = max(per_rank, 1.0) ** (1 / scene.dim)
+    padding = (1 + 2 * int(ratio) / side) ** (scene.dim - 1) * (1 + (2 * LANES + int(ratio)) / side)
+    words = math.ceil(_family_size(scene.dim, ratio) / WORD)
+    return padding * (_BYTES_PER_CELL[scene.dim] + 8 * words + extra) + 16
 
 
 def _built(scene, ranks):
@@ -111,42 +125,39 @@ def _family_size(dim, ratio):
 
 def _family_step(scene, body, ratio):
     """Return the critical step of a whole lattice family in the stiffest, lightest block."""
-    from pdhpc.peridynamics.critical_step import stable_step
-
-    cells = 2 * int(ratio) + 1
-    sub, _ = block(scene.dim, cells, ratio)
+    model = scene.material[0].model
+    sub, _ = block(scene.dim, 4 * int(ratio) + 3, ratio, scene.particles.kinematics == "linear", "cloud", model)
     scale = scene.particles.spacing / 1e-3
     particles = sub.particles
     particles.reference *= scale
-    arrays = sub.bonds.arrays._replace(inv_length=sub.bonds.arrays.inv_length / scale)
+    sub.bonds.arrays.inv_length[:] /= scale
     particles.volume[:] = body.cell_volume
     steps = []
     for number in range(len(body.law.density)):
         particles.block[:] = number
         sub.points.row_block[:] = number
-        steps.append(stable_step(sub.points, arrays, body.law))
+        sub.make_state(body.law)
+        steps.append(stable_step(sub, body.law))
     return min(steps)
 
 
-def _kernel_rate(scene, ratio):
-    """Return bonds per second and core of the force kernel, measured on a small block."""
-    cells = {2: 60, 3: 14}[scene.dim]
-    sub, law = block(scene.dim, cells, min(ratio, 4.0), scene.particles.kinematics == "linear")
-    particles = sub.particles
-    particles.place()
+def _kernel_rate(scene, ratio, path):
+    """Return bonds per second and core of the force kernels, measured on a small block."""
+    cells = {2: 60, 3: 16}[scene.dim]
+    sub, law = block(scene.dim, cells, min(ratio, 4.0), scene.particles.kinematics == "linear", path, scene.material[0].model)
+    sub.particles.place()
+    internal = InternalForces(sub, law, NoGhosts)
     best = math.inf
     for _ in range(4):
         started = time.perf_counter()
-        bond_forces(sub.points, sub.bonds.arrays, law, particles.linear, particles.third, (0, particles.n_owned), particles.force_density, particles.dissipated)
+        internal.evaluate()
         best = min(best, time.perf_counter() - started)
     return sub.bonds.n_directed / best
 
 
 def _critical_stretches(scene, body):
     """Return [(material, value and formula)]."""
-    thickness = scene.thickness
-    setting = Setting(scene.dimension, scene.particles.horizon, thickness, scene.particles.influence)
-    rows = []
+    setting, rows = calibration_of(scene), []
     for material in body.materials:
         limit = material.stretch_limit(setting)
         if material.critical_stretch is not None:
@@ -154,5 +165,5 @@ def _critical_stretches(scene, body):
         elif math.isinf(limit):
             rows.append((material.name, "none: bonds never break"))
         else:
-            rows.append((material.name, f"{limit:.6g} = {CRITICAL_STRETCH_FORMULA[scene.dimension]}, influence {scene.particles.influence}"))
+            rows.append((material.name, f"{limit:.6g} = {material.formula[scene.dimension]}, influence {scene.particles.influence}"))
     return rows

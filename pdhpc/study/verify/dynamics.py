@@ -7,13 +7,18 @@ from pdhpc.parallel.comm import exact_sum
 from pdhpc.study.verify.case import Check, at_most, case, plate, problem_of
 
 
+def _of(problem):
+    """Return (n_owned, dim) displacements, m."""
+    return problem.subdomain.particles.owned(problem.subdomain.particles.displacement)
+
+
 def _stepper(problem, dt, displacement=None, velocity=None):
     """Return the stepper of a problem with its own step and initial state."""
     particles = problem.subdomain.particles
     if displacement is not None:
-        particles.displacement[:] = displacement
+        particles.put(particles.displacement, displacement)
     if velocity is not None:
-        particles.velocity[:] = velocity
+        particles.put(particles.velocity, velocity)
     problem.dt = dt
     return problem.stepper()
 
@@ -31,13 +36,13 @@ def oscillator():
     for _ in range(steps):
         stepper.advance()
     discrete = 2 / dt * math.asin(omega * dt / 2)  # frequency of the Verlet map
-    measured = problem.subdomain.particles.displacement[1, 0] / amplitude
+    measured = _of(problem)[1, 0] / amplitude
     fine = _stepper(problem_of(text), 1e-3 / omega, start)
     for _ in range(1000):
         fine.advance()
     return [
         Check("displacement after 1000 steps, Verlet's closed form", measured, math.cos(discrete * steps * dt), 1e-12, "cos(n theta), sin(theta/2) = omega dt/2", False),
-        Check("displacement at omega t = 1, small step", fine.subdomain.particles.displacement[1, 0] / amplitude, math.cos(1.0), 1e-6, "cos(omega t)"),
+        Check("displacement at omega t = 1, small step", _of(fine)[1, 0] / amplitude, math.cos(1.0), 1e-6, "cos(omega t)"),
     ]
 
 
@@ -62,15 +67,15 @@ def plane_wave():
         # a standing wave; its middle is out of reach of the edges for the quarter period that is watched
         cells = 2 * int((horizons / 4 + 8) * ratio) + 1
         problem = problem_of(plate((cells, cells), ratio, 1.0))
-        x = problem.subdomain.particles.reference[problem.subdomain.particles.owned, 0]
-        centre = int(np.argmin(np.linalg.norm(problem.subdomain.particles.reference[problem.subdomain.particles.owned], axis=1)))
+        x = problem.subdomain.places()[:, 0]
+        centre = int(np.argmin(np.linalg.norm(problem.subdomain.places(), axis=1)))
         shape = np.zeros((len(x), 2))
         shape[:, 0] = np.cos(wave_number * x)
         stepper = _stepper(problem, 0.1 * problem.critical_dt, shape)
         before = 1.0
         while True:
             stepper.advance()
-            now = stepper.subdomain.particles.displacement[centre, 0]
+            now = _of(problem)[centre, 0]
             if now <= 0:
                 break
             before = now
@@ -101,7 +106,7 @@ upper = [{length / 2}, 0.5]
 """
     problem = problem_of(text)
     particles = problem.subdomain.particles
-    x = particles.reference[particles.owned, 0]
+    x = problem.subdomain.places()[:, 0]
     # one row of particles: sum c beta V r = sum over both sides of 9/(pi delta^3) (1 + 2 + 3/2) E, so waves run at c1 in the left half
     speed = math.sqrt(9 / (math.pi * ratio**3) * (1 + 2 + 3 * 0.5))
     width, start = 8 * ratio, -100.0
@@ -112,7 +117,7 @@ upper = [{length / 2}, 0.5]
     stepper = _stepper(problem, 0.5 * problem.critical_dt, displacement, velocity)
     while stepper.time * speed < 170:
         stepper.advance()
-    u = particles.displacement[:, 0]
+    u = particles.owned(particles.displacement)[:, 0]
     reflected, transmitted = u[x < -20], u[x > 0]
     impedances = 1.0, math.sqrt(stiff)
     return [
@@ -124,7 +129,7 @@ upper = [{length / 2}, 0.5]
 def _shaken(kinematics, cells=(24, 24), amplitude=1e-3, ratio=3.0):
     """Return a problem and a smooth random initial velocity of its particles."""
     problem = problem_of(plate(cells, ratio, 1.0, kinematics))
-    x = problem.subdomain.particles.reference[problem.subdomain.particles.owned]
+    x = problem.subdomain.places()
     velocity = amplitude * np.stack([np.sin(0.3 * x[:, 0]) * np.cos(0.2 * x[:, 1]) + 0.5, np.cos(0.25 * x[:, 0] + 0.1 * x[:, 1])], axis=1)
     return problem, velocity
 
@@ -141,7 +146,7 @@ def momentum():
         particles = problem.subdomain.particles
         for _ in range(500):
             stepper.advance()
-        drift = [exact_sum(MPI.COMM_SELF, particles.velocity[:, axis] - velocity[:, axis]) for axis in (0, 1)]
+        drift = [exact_sum(MPI.COMM_SELF, particles.owned(particles.velocity)[:, axis] - velocity[:, axis]) for axis in (0, 1)]
         checks.append(at_most(f"{kinematics}: change of momentum over sum |m v|, 500 steps", max(map(abs, drift)) / np.abs(velocity).sum(), 1e-12, "Newton's third law"))
     return checks
 
@@ -177,7 +182,7 @@ def time_order():
         stepper = _stepper(problem, end / steps, velocity=velocity)
         for _ in range(steps):
             stepper.advance()
-        return problem.subdomain.particles.displacement.copy()
+        return problem.subdomain.particles.owned(problem.subdomain.particles.displacement).copy()
 
     states = [final(steps) for steps in (32, 64, 128, 256)]
     differences = [np.linalg.norm(a - b) for a, b in zip(states[:-1], states[1:])]

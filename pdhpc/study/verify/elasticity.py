@@ -42,10 +42,10 @@ def _centre_energy(dimension, ratio, gradient, kinematics):
     dim = len(gradient)
     cells = 2 * int(ratio) + 5
     problem = problem_of(plate((cells,) * dim, ratio, 1.0, kinematics, dimension=dimension))
-    particles = problem.subdomain.particles
-    particles.displacement[:] = particles.reference[particles.owned] @ gradient.T
+    particles, places = problem.subdomain.particles, problem.subdomain.places()
+    particles.put(particles.displacement, places @ gradient.T)
     particles.place()
-    centre = int(np.argmin(np.linalg.norm(particles.reference[particles.owned], axis=1)))
+    centre = int(np.argmin(np.linalg.norm(places, axis=1)))
     return strain_energy_density(problem.subdomain, problem.body.law)[centre]
 
 
@@ -85,7 +85,7 @@ def rigid_rotation():
         angle = math.radians(40)
         rotation = np.eye(dim)
         rotation[:2, :2] = [[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]]
-        particles.displacement[:] = particles.reference[particles.owned] @ (rotation - np.eye(dim)).T
+        particles.put(particles.displacement, problem.subdomain.places() @ (rotation - np.eye(dim)).T)
         stepper = problem.stepper()
         force = np.abs(stepper.subdomain.particles.force_density).max()
         unit = problem.body.law.micromodulus[0, 0] * problem.body.cell_volume * problem.subdomain.bonds.family_size.max()

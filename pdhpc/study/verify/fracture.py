@@ -36,8 +36,8 @@ def crack_energy():
         cells = (width, height) if dim == 2 else (width, height, width)
         problem = problem_of(plate(cells, ratio, 1.0, "finite", material=f"energy_release_rate = {rate}", dimension=dimension))
         particles = problem.subdomain.particles
-        upper = particles.reference[particles.owned, 1] > 0
-        particles.displacement[upper, 1] = 10 * ratio
+        upper = problem.subdomain.places()[:, 1] > 0
+        particles.displacement[particles.slots[upper], 1] = 10 * ratio
         stepper = problem.stepper()
         law = problem.body.law
         micromodulus, limit = float(law.micromodulus[0, 0]), float(law.critical_stretch[0, 0])

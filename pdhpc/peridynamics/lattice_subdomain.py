@@ -1,0 +1,214 @@
+"""One rank's share of bodies on a common lattice: made in place from the bodies, without messages and without anything global."""
+import numpy as np
+
+from pdhpc.jit import kernel
+from pdhpc.kernels.family import MIXED, PointArrays
+from pdhpc.kernels.lattice import WORD, LatticeArrays
+from pdhpc.kernels.simd import LANES
+from pdhpc.materials.law import bond_weight
+from pdhpc.peridynamics.bonds import Bonds
+from pdhpc.peridynamics.grid import Grid
+from pdhpc.peridynamics.particles import LatticeParticles
+from pdhpc.peridynamics.subdomain import SAMPLE, Subdomain
+
+
+def make_stencil(dim, ratio):
+    """Return (n, dim) int64: cells within `ratio` spacings of one, itself left out, in the order of their ids."""
+    reach = int(ratio)
+    cells = np.stack(np.meshgrid(*[np.arange(-reach, reach + 1)] * dim, indexing="ij"), axis=-1).reshape(-1, dim)
+    square = (cells**2).sum(axis=1)
+    return cells[(square > 0) & (square <= ratio**2)]
+
+
+def sample_lattice(bodies, lattice, rank, size, radius):
+    """Return (points, weights) as subdomain.sample_with_weights does, of bodies on a common lattice. Local; costs a byte for each cell of the slab."""
+    ratio = radius / lattice.spacing
+    first, last = _cell_bounds(bodies, lattice, np.full(len(lattice.origin), -np.inf), np.full(len(lattice.origin), np.inf))
+    axis = int(np.argmax(last - first))
+    edges = first[axis] + (last[axis] - first[axis]) * np.arange(size + 1) // size
+    first[axis], last[axis] = edges[rank], edges[rank + 1]
+    grid = Grid(lattice, first, last, int(ratio))
+    present = np.zeros(grid.n_slots, np.bool_)
+    owned = []
+    for number, body in enumerate(bodies):
+        for ids, _ in body.slabs_in(*grid.bounds()):
+            cells = body.cell_of(ids) + lattice.shifts[number]
+            slots = grid.slots(cells)
+            present[slots] = True
+            owned.append((ids[grid.owns(cells)], slots[grid.owns(cells)]))
+    count = sum(len(ids) for ids, _ in owned)
+    share = max(1, count // SAMPLE)
+    chosen = np.concatenate([slots[(ids * 2654435761 >> 12) % share == 0] for ids, slots in owned] + [np.empty(0, np.int32)])
+    weights = np.empty(len(chosen), np.int64)
+    _count_present(present, chosen, grid.offsets(make_stencil(len(first), ratio)), weights)
+    points = np.stack([grid.coordinate[a, chosen // grid.step[a] % grid.cells[a]] for a in range(len(first))], axis=1)
+    return points, weights
+
+
+def make_lattice_subdomain(bodies, lattice, partition, rank, radius, describe, law, linear):
+    """Return the Subdomain that `rank` owns of bodies on a common lattice. Local.
+
+    Parameters
+    ----------
+    bodies : list of LatticeBody. lattice : CommonLattice. partition : Partition, cut between layers of cells. radius : m, of the families.
+    describe : function (points, body index) -> (volume, block). law : of materials/. linear : bool, kinematics.
+
+    Raises
+    ------
+    ValueError: two particles at the same place.
+    """
+    dim = len(lattice.origin)
+    first, last = _cell_bounds(bodies, lattice, *partition.box(rank, dim))
+    grid = Grid(lattice, first, last, int(radius / lattice.spacing))
+    block, cell_volume, owned, others = _fill(bodies, grid, describe)
+    stencil = make_stencil(dim, radius / lattice.spacing)
+    rows = grid.rows(len(law.density) == 1 or np.ptp(law.density) == 0)
+    arrays = _make_bonds(grid, stencil, block, rows, law, cell_volume)
+    blocks = _blocks_with_particles(block, rows.start, rows.width)
+    foreign = np.zeros(grid.n_slots, np.uint8)
+    foreign[others[1]] = 1
+    border = np.zeros(len(blocks), np.bool_)
+    if len(others[1]):
+        _find_border(arrays.offset, arrays.alive, blocks, foreign, border)
+    _find_kinds(arrays.offset, block, blocks, arrays.kind)
+    used = foreign[others[1]] == 2
+    owner = partition.owner(others[2][used])
+    order = np.lexsort((others[0][used], owner))
+    ghost_ids, ghost_slots = others[0][used][order], others[1][used][order]
+    block[others[1][~used]] = MIXED
+    particles = LatticeParticles(np.concatenate([owned[0], ghost_ids]), owned[1], ghost_slots, block, cell_volume, rows, dim, linear)
+    family_size = np.empty(len(owned[1]), np.int16 if len(stencil) < 2**15 else np.int32)
+    bonds = Bonds(arrays, owned[1], family_size, family_size)
+    bonds.count(family_size)
+    points = PointArrays(np.empty((0, dim)), particles.position, particles.volume, block, np.empty(0, np.uint8))
+    return Subdomain(particles, bonds, owner[order], points, (blocks[~border], blocks[border]))
+
+
+def _cell_bounds(bodies, lattice, lower, upper):
+    """Return (first, last), (dim,) int64: the range of cells of the lattice that hold the bodies' cells in a box."""
+    firsts, lasts = [], []
+    for body, shift in zip(bodies, lattice.shifts):
+        ranges = np.array(body.cells_in(lower, upper), dtype=np.int64)
+        if (ranges[:, 1] > ranges[:, 0]).all():
+            firsts.append(ranges[:, 0] + shift)
+            lasts.append(ranges[:, 1] + shift)
+    if not firsts:
+        return np.zeros(len(lower), np.int64), np.zeros(len(lower), np.int64)
+    return np.min(firsts, axis=0), np.max(lasts, axis=0)
+
+
+def _fill(bodies, grid, describe):
+    """Return (block by slot, cell volume, (ids, slots) of owned particles, (ids, slots, points) of others in reach)."""
+    block = np.full(grid.n_slots, MIXED, np.uint8)
+    dim, cell_volume = len(grid.first), 0.0
+    owned, others = [(np.empty(0, np.int64), np.empty(0, np.int32))], [(np.empty(0, np.int64), np.empty(0, np.int32), np.empty((0, dim)))]
+    for number, body in enumerate(bodies if (grid.last > grid.first).all() else []):
+        for ids, points in body.slabs_in(*grid.bounds()):
+            if not len(ids):
+                continue
+            cells = body.cell_of(ids) + grid.lattice.shifts[number]
+            slots, mine = grid.slots(cells), grid.owns(cells)
+            if (block[slots] != MIXED).any():
+                raise ValueError("two particles lie at the same place: bodies overlap")
+            volume, block[slots] = describe(points, np.full(len(ids), number, np.int32))
+            cell_volume = float(volume[0])
+            owned.append((ids[mine], slots[mine]))
+            others.append((ids[~mine], slots[~mine], points[~mine]))
+    return block, cell_volume, tuple(np.concatenate(part) for part in zip(*owned)), tuple(np.concatenate(part) for part in zip(*others))
+
+
+def _make_bonds(grid, stencil, block, rows, law, cell_volume):
+    """Return the LatticeArrays of the owned cells, every bond to a particle alive."""
+    vector = stencil * grid.lattice.spacing
+    inv_length = 1.0 / np.sqrt((vector**2).sum(axis=1))
+    weight = np.empty(len(stencil))
+    _weights(law, inv_length, weight)
+    weight *= cell_volume
+    alive = np.zeros((-(-len(stencil) // WORD), grid.n_slots), np.uint64)
+    offset = grid.offsets(stencil)
+    _set_bits(offset, block, rows.start, rows.width, alive)
+    kind = np.full(grid.n_slots // LANES, MIXED, np.uint8)
+    return LatticeArrays(offset, vector, inv_length, weight, weight / inv_length**2, alive, kind, grid.step, grid.cells, grid.coordinate)
+
+
+@kernel
+def _count_present(present, slots, offset, counts):
+    for n in range(len(slots)):
+        total = 0
+        for k in range(len(offset)):
+            total += present[slots[n] + offset[k]]
+        counts[n] = max(1, total)
+
+
+@kernel
+def _weights(law, inv_length, weight):
+    for k in range(len(weight)):
+        weight[k] = bond_weight(law, inv_length[k])
+
+
+@kernel
+def _set_bits(offset, block, row_start, width, alive):
+    """Set the bit of every bond between an owned particle and a particle."""
+    for row in range(len(row_start)):
+        first, last = row_start[row], row_start[row] + width
+        for k in range(len(offset)):
+            word, bit = alive[k >> 6], np.uint64(k & 63)
+            for i in range(first, last):
+                word[i] |= np.uint64(block[i + offset[k]] != MIXED) << bit
+        for i in range(first, last):
+            if block[i] == MIXED:
+                for w in range(len(alive)):
+                    alive[w, i] = np.uint64(0)
+
+
+@kernel
+def _blocks_with_particles(block, row_start, width):
+    """Return (n,) int32: first slots of the blocks of eight that hold an owned particle."""
+    blocks = np.empty(len(row_start) * ((width + 7) // 8), np.int32)
+    count = 0
+    for row in range(len(row_start)):
+        for first in range(row_start[row], row_start[row] + width, 8):
+            for i in range(first, min(first + 8, row_start[row] + width)):
+                if block[i] != MIXED:
+                    blocks[count] = first
+                    count += 1
+                    break
+    return blocks[:count].copy()
+
+
+@kernel
+def _find_border(offset, alive, blocks, foreign, border):
+    """Mark blocks with a bond to a particle of another rank, and those particles by 2 in `foreign` (1: another rank's)."""
+    for t in range(len(blocks)):
+        for i in range(blocks[t], blocks[t] + 8):
+            for k in range(len(offset)):
+                if foreign[i + offset[k]] != 0 and (alive[k >> 6, i] >> np.uint64(k & 63)) & np.uint64(1) != 0:
+                    foreign[i + offset[k]] = 2
+                    border[t] = True
+
+
+@kernel
+def _find_kinds(offset, block, blocks, kind):
+    """Store in kind the block number that all particles of a block of eight and all within reach of them have, where they agree."""
+    only, agree = MIXED, True
+    for i in range(len(block)):
+        if block[i] != MIXED:
+            agree = agree and (only == MIXED or block[i] == only)
+            only = block[i]
+    for t in range(len(blocks)):
+        if agree:
+            kind[blocks[t] >> 3] = only
+            continue
+        same, one = MIXED, True
+        for i in range(blocks[t], blocks[t] + 8):
+            if block[i] == MIXED:
+                continue
+            if same == MIXED:
+                same = block[i]
+            one = one and block[i] == same
+            for k in range(len(offset)):
+                j = block[i + offset[k]]
+                one = one and (j == MIXED or j == same)
+            if not one:
+                break
+        kind[blocks[t] >> 3] = same if one else MIXED
