@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pdhpc.jit import inlined, kernel
+from pdhpc.jit import inlined, kernel, sweep
+from pdhpc.kernels.simd import LANES, fma, load8, splat, store8
 
 
 @kernel
@@ -24,7 +25,7 @@ def kick(velocity, force_density, inverse_density, block, dt):
     for i in range(len(velocity)):
         factor = dt * inverse_density[block[i]]
         for d in range(velocity.shape[1]):
-            velocity[i, d] += factor * force_density[i, d]
+            velocity[i, d] = fma(factor, force_density[i, d], velocity[i, d])
 
 
 @kernel
@@ -32,7 +33,7 @@ def drift(displacement, velocity, reference, position, linear, dt):
     """u += dt v; position = X + u (finite) or u (linear)."""
     for i in range(len(displacement)):
         for d in range(displacement.shape[1]):
-            displacement[i, d] += dt * velocity[i, d]
+            displacement[i, d] = fma(dt, velocity[i, d], displacement[i, d])
             position[i, d] = displacement[i, d] if linear else reference[i, d] + displacement[i, d]
 
 
@@ -42,8 +43,8 @@ def kick_drift(velocity, force_density, inverse_density, block, displacement, re
     for i in range(len(velocity)):
         factor = half * inverse_density[block[i]]
         for d in range(velocity.shape[1]):
-            velocity[i, d] += factor * force_density[i, d]
-            displacement[i, d] += dt * velocity[i, d]
+            velocity[i, d] = fma(factor, force_density[i, d], velocity[i, d])
+            displacement[i, d] = fma(dt, velocity[i, d], displacement[i, d])
             position[i, d] = displacement[i, d] if linear else reference[i, d] + displacement[i, d]
 
 
@@ -62,76 +63,90 @@ class Rows(NamedTuple):
     one_density: bool
 
 
-@kernel
+@sweep
 def place_rows(rows, displacement, position, linear):
     """`place` of a lattice; displacement, position (dim, n_slots)."""
     for row in range(len(rows.start)):
-        first, last = rows.start[row], rows.start[row] + rows.width
         for d in range(len(displacement)):
-            _place_row(rows, row, d, displacement[d], position[d], first, last, linear)
+            _place_row(rows, row, d, displacement[d], position[d], linear)
 
 
-@kernel
+@sweep
 def kick_rows(rows, velocity, force_density, inverse_density, block, dt):
     """`kick` of a lattice; velocity, force_density (dim, n_slots)."""
     for row in range(len(rows.start)):
-        first, last = rows.start[row], rows.start[row] + rows.width
         for d in range(len(velocity)):
-            _kick_row(rows.one_density, velocity[d], force_density[d], inverse_density, block, first, last, dt)
+            _kick_row(rows, row, velocity[d], force_density[d], inverse_density, block, dt)
 
 
-@kernel
+@sweep
 def drift_rows(rows, displacement, velocity, position, linear, dt):
     """`drift` of a lattice; all fields (dim, n_slots)."""
     for row in range(len(rows.start)):
-        first, last = rows.start[row], rows.start[row] + rows.width
         for d in range(len(displacement)):
-            _drift_row(displacement[d], velocity[d], first, last, dt)
-            _place_row(rows, row, d, displacement[d], position[d], first, last, linear)
+            _drift_row(rows, row, displacement[d], velocity[d], dt)
+            _place_row(rows, row, d, displacement[d], position[d], linear)
 
 
-@kernel
+@sweep
 def kick_drift_rows(rows, velocity, force_density, inverse_density, block, displacement, position, linear, half, dt):
     """`kick_rows` by `half` and `drift_rows` by `dt`, s: row by row, so that each row stays in the cache from one to the other."""
     for row in range(len(rows.start)):
-        first, last = rows.start[row], rows.start[row] + rows.width
         for d in range(len(velocity)):
-            _kick_row(rows.one_density, velocity[d], force_density[d], inverse_density, block, first, last, half)
-            _drift_row(displacement[d], velocity[d], first, last, dt)
-            _place_row(rows, row, d, displacement[d], position[d], first, last, linear)
+            _kick_row(rows, row, velocity[d], force_density[d], inverse_density, block, half)
+            _drift_row(rows, row, displacement[d], velocity[d], dt)
+            _place_row(rows, row, d, displacement[d], position[d], linear)
 
 
 @inlined
-def _kick_row(one_density, velocity, force_density, inverse_density, block, first, last, dt):
+def _add_scaled(target, factor, source, first, last):
+    """target += factor * source from slot `first` to `last`, eight at a time and the rest one by one, to the same bits."""
+    i = first
+    while i + LANES <= last:
+        store8(target, i, fma(splat(factor), load8(source, i), load8(target, i)))
+        i += LANES
+    while i < last:
+        target[i] = fma(factor, source[i], target[i])
+        i += 1
+
+
+@inlined
+def _kick_row(rows, row, velocity, force_density, inverse_density, block, dt):
     """v += dt f / rho of one component of one row."""
-    if one_density:
-        factor = dt * inverse_density[0]
-        for i in range(first, last):
-            velocity[i] += factor * force_density[i]
+    first, last = rows.start[row], rows.start[row] + rows.width
+    if rows.one_density:
+        _add_scaled(velocity, dt * inverse_density[0], force_density, first, last)
     else:
         for i in range(first, last):
-            velocity[i] += dt * inverse_density[block[i]] * force_density[i]
+            velocity[i] = fma(dt * inverse_density[block[i]], force_density[i], velocity[i])
 
 
 @inlined
-def _drift_row(displacement, velocity, first, last, dt):
+def _drift_row(rows, row, displacement, velocity, dt):
     """u += dt v of one component of one row."""
-    for i in range(first, last):
-        displacement[i] += dt * velocity[i]
+    _add_scaled(displacement, dt, velocity, rows.start[row], rows.start[row] + rows.width)
 
 
 @inlined
-def _place_row(rows, row, d, displacement, position, first, last, linear):
+def _place_row(rows, row, d, displacement, position, linear):
     """position = X + u or u of one component of one row."""
-    if linear:
-        for i in range(first, last):
-            position[i] = displacement[i]
-    elif d == rows.axis:
-        for i in range(first, last):
-            position[i] = rows.along[i - first] + displacement[i]
-    else:
-        for i in range(first, last):
-            position[i] = rows.corner[row, d] + displacement[i]
+    first, last = rows.start[row], rows.start[row] + rows.width
+    corner = 0.0 if linear else rows.corner[row, d]  # 0 along the row
+    i, along = first, rows.along
+    if d == rows.axis and not linear:
+        while i + LANES <= last:
+            store8(position, i, load8(along, i - first) + load8(displacement, i))
+            i += LANES
+        while i < last:
+            position[i] = along[i - first] + displacement[i]
+            i += 1
+        return
+    while i + LANES <= last:
+        store8(position, i, corner + load8(displacement, i))
+        i += LANES
+    while i < last:
+        position[i] = corner + displacement[i]
+        i += 1
 
 
 @kernel
