@@ -115,7 +115,7 @@ def setup_rank():
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
     comm.Barrier()
     started = time.perf_counter()
-    problem = build(parse_scene(CUBE, "cube"), comm)
+    problem = build(parse_scene(CUBE, "cube", sys.argv[2:]), comm)
     seconds = comm.allreduce(time.perf_counter() - started, op=MPI.MAX)
     owned = problem.subdomain.particles.n_owned
     peak = comm.allreduce((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 - before) / owned, op=MPI.MAX)
@@ -140,7 +140,7 @@ def startup():
 PARTS = {"kernel": kernel, "setup": setup, "startup": startup}
 
 if __name__ == "__main__":
-    if sys.argv[1:] == ["setup-rank"]:
+    if sys.argv[1:2] == ["setup-rank"]:
         setup_rank()
     else:
         for part in sys.argv[1:] or PARTS:

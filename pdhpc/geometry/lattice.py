@@ -1,11 +1,48 @@
 """Bodies filled with a square or cubic lattice; any rank can make any part of one without the rest."""
 from dataclasses import dataclass
-from typing import Tuple
+from typing import NamedTuple, Tuple
 
 import numpy as np
 
 _SLAB_POINTS = 1 << 18  # points tested against the shape at once: bounds the temporary memory of set-up
 _ON_LATTICE = 1e-6  # of a spacing: how closely bodies must lie on one lattice to count as doing so
+
+
+class Slab(NamedTuple):
+    """Particles of a block of cells: ids (n,) int64; points (n, dim), m; ranges [(first, last)] of the cells; keep: which of these hold one, None for all."""
+
+    ids: np.ndarray
+    points: np.ndarray
+    ranges: list
+    keep: np.ndarray
+
+    def number(self, steps, start):
+        """Return (n,) int64: start + sum of steps[axis] times the particle's cell along each axis."""
+        dim = len(self.ranges)
+        numbers = np.full([last - first for first, last in self.ranges], start, np.int64)
+        for axis, (first, last) in enumerate(self.ranges):
+            numbers += _along(np.arange(first, last) * steps[axis], axis, dim)
+        return self.kept(numbers)
+
+    def within(self, first, last):
+        """Return (n,) bool: which particles lie in cells first ... last - 1 along every axis."""
+        dim = len(self.ranges)
+        inside = np.ones([b - a for a, b in self.ranges], bool)
+        for axis, (a, b) in enumerate(self.ranges):
+            cells = np.arange(a, b)
+            inside &= _along((cells >= first[axis]) & (cells < last[axis]), axis, dim)
+        return self.kept(inside)
+
+    def kept(self, values):
+        """Return values of the block's cells as those of its particles."""
+        return values.ravel() if self.keep is None else values.ravel()[self.keep]
+
+
+def _along(values, axis, dim):
+    """Return values (n,) shaped to lie along one of `dim` axes."""
+    shape = [1] * dim
+    shape[axis] = -1
+    return values.reshape(shape)
 
 
 @dataclass(frozen=True)
@@ -46,41 +83,39 @@ class LatticeBody:
         pieces = list(self.slabs_in(lower, upper))
         if not pieces:
             return np.empty(0, np.int64), np.empty((0, len(self.cells)))
-        return np.concatenate([ids for ids, _ in pieces]), np.concatenate([points for _, points in pieces])
+        return np.concatenate([slab.ids for slab in pieces]), np.concatenate([slab.points for slab in pieces])
 
     def slabs_in(self, lower, upper):
-        """Yield (ids, points) of points_in in pieces of bounded size, in order. Local."""
-        ranges, coordinates = self.cells_in(lower, upper), []
-        for axis, (first, last) in enumerate(ranges):
-            coordinates.append(self.centres(axis)[first:last])
-        layer = int(np.prod([len(c) for c in coordinates[1:]]))
-        slab = max(1, _SLAB_POINTS // max(layer, 1))
-        for first in range(0, len(coordinates[0]), slab):
-            yield self._slab(ranges, coordinates, first, min(first + slab, len(coordinates[0])))
+        """Yield the Slabs of points_in, pieces of bounded size, in order. Local."""
+        ranges = self.cells_in(lower, upper)
+        layer = int(np.prod([last - first for first, last in ranges[1:]]))
+        thickness = max(1, _SLAB_POINTS // max(layer, 1))
+        for first in range(*ranges[0], thickness):
+            yield self._slab([(first, min(first + thickness, ranges[0][1]))] + ranges[1:])
 
     def cells_in(self, lower, upper):
         """Return [(first, last)] along each axis of the cells whose centres have lower <= x < upper."""
         found = [np.searchsorted(self.centres(axis), [lower[axis], upper[axis]], side="left") for axis in range(len(self.cells))]
         return [(int(first), int(last)) for first, last in found]
 
-    def cell_of(self, ids):
-        """Return (n, dim) int64, the cells of ids (n,)."""
-        return np.stack(np.unravel_index(ids - self.first_id, tuple(self.cells)), axis=1)
+    def _slab(self, ranges):
+        """Return the Slab of a block of cells."""
+        dim = len(ranges)
+        points = np.empty([last - first for first, last in ranges] + [dim])
+        for axis, (first, last) in enumerate(ranges):
+            points[..., axis] = _along(self.centres(axis)[first:last], axis, dim)
+        points = points.reshape(-1, dim)
+        keep = self.contains(points)
+        steps = np.concatenate([np.cumprod(self.cells[:0:-1])[::-1], [1]])
+        slab = Slab(None, points if keep.all() else points[keep], ranges, None if keep.all() else keep)
+        return slab._replace(ids=slab.number(steps, self.first_id))
 
-    def _slab(self, ranges, coordinates, first, last):
-        """Return (ids, points) of the layers first..last-1 of the first axis."""
-        axes = [coordinates[0][first:last]] + coordinates[1:]
-        indices = [np.arange(start, stop, dtype=np.int64) for start, stop in [(ranges[0][0] + first, ranges[0][0] + last)] + ranges[1:]]
-        points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
-        ids = np.zeros((1,) * len(axes), dtype=np.int64)
-        for axis, index in enumerate(indices):
-            shape = [1] * len(axes)
-            shape[axis] = -1
-            ids = ids * self.cells[axis] + index.reshape(shape)
+    def contains(self, points):
+        """Return (n,) bool, which of the cell centres `points` (n, dim), m, hold a particle: those in the shape and in none of its holes."""
         keep = self.shape.contains(points)
         for hole in self.holes:
             keep &= ~hole.contains(points)
-        return ids.ravel()[keep] + self.first_id, points[keep]
+        return keep
 
     def bounds(self):
         """Return (lower, upper), m."""

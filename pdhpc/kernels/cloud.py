@@ -118,6 +118,11 @@ def _dilatation_row(bonds, i, points, law, state, linear, third):
     return any_of(largest > law.break_at[block, block])
 
 
+@implements(family.frequency_row, BondArrays)
+def _frequency_row(bonds, i, points, law, state, third):
+    return reference.frequency_of(bonds, i, points, law, state, third)
+
+
 @inlined
 def _strains(bonds, i, k, points, inv_l, linear, third):
     """Return (measure, stretch, shrink, dx, dy, dz) of eight bonds, as family.bond_strain does of one."""

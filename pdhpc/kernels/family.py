@@ -78,6 +78,10 @@ def dilatation_row(bonds, i, points, law, state, linear, third):
     """Set p (state[:, 1]) of the particle, or of the eight particles, from slot i on; return whether an alive bond exceeds its limit."""
 
 
+def frequency_row(bonds, i, points, law, state, third):
+    """Return |A|/rho, 1/s^2, of the particle, the largest of the eight particles, from slot i on; see sweeps.largest_frequency2."""
+
+
 def row_width(bonds):
     """Return the number of particles that force_row and dilatation_row take at once."""
 

@@ -11,9 +11,10 @@ import numpy as np
 from pdhpc.jit import implements, inlined
 from pdhpc.kernels import family
 from pdhpc.kernels.family import MIXED
-from pdhpc.kernels.simd import LANES, any_of, fma, has_bit, larger, load8, lookup8, root8, rsqrt8, select, splat, store8, words8
+from pdhpc.kernels.simd import LANES, any_of, as_vector, fma, has_bit, lane_max, larger, load8, lookup8, root8, rsqrt8, select, splat, store8, words8
 from pdhpc.materials.bond_based import BondBasedLaw
-from pdhpc.materials.law import pull
+from pdhpc.kernels.reference import frequency_of
+from pdhpc.materials.law import pull, stiffness
 from pdhpc.materials.state_based import LinearSolidLaw
 
 WORD = 64
@@ -171,6 +172,29 @@ def _dilatation_row(bonds, i, points, law, state, linear, third):
         return any_of(largest > _smallest(law.break_at))
     store8(state, n + i, p * law.volumetric[kind])
     return any_of(largest > law.break_at[kind, kind])
+
+
+@implements(family.frequency_row, LatticeArrays)
+def _frequency_row(bonds, i, points, law, state, third):
+    kind, largest = bonds.kind[i >> 3], 0.0
+    if kind == MIXED:
+        for lane in range(LANES):
+            largest = max(largest, frequency_of(bonds, i + lane, points, law, state, third))
+        return largest
+    near, n, count = uniform_ends(law, state, i, kind), len(points.position), len(bonds.offset)
+    xx, yy, zz, xy, xz, yz = splat(0.0), splat(0.0), splat(0.0), splat(0.0), splat(0.0), splat(0.0)
+    for word in range(bonds.alive.shape[0]):
+        states = words8(bonds.alive, word * n + i)
+        for k in range(WORD * word, min(count, WORD * word + WORD)):
+            ends = bond_ends(near, points, state, i, i + bonds.offset[k])
+            x, y, z = bonds.vector[k, 0], bonds.vector[k, 1], 0.0 if third is None else bonds.vector[k, 2]
+            part = select(has_bit(states, k - WORD * word), as_vector(stiffness(law, kind, ends[0], ends[1])), splat(0.0))
+            part = part * (bonds.weight[k] * bonds.inv_length[k] * bonds.inv_length[k])
+            xx, yy, zz = fma(part, splat(x * x), xx), fma(part, splat(y * y), yy), fma(part, splat(z * z), zz)
+            xy, xz, yz = fma(part, splat(x * y), xy), fma(part, splat(x * z), xz), fma(part, splat(y * z), yz)
+    xy, xz, yz = larger(xy, 0.0 - xy), larger(xz, 0.0 - xz), larger(yz, 0.0 - yz)
+    norm = larger(larger(xx + xy + xz, yy + xy + yz), zz + xz + yz)
+    return lane_max(norm) / law.density[kind]
 
 
 @inlined

@@ -5,9 +5,9 @@ several blocks or volumes, the bonds of marked particles, and the bonds that bre
 """
 from pdhpc.jit import inlined, sweep
 from pdhpc.kernels.family import (
-    bond_strain, break_bond, end_of_bonds, first_bond, inverse_length, is_alive, neighbour, row_width, share, stretch_of,
+    bond_strain, break_bond, end_of_bonds, first_bond, inverse_length, is_alive, neighbour, reference_vector, row_width, share, stretch_of,
 )
-from pdhpc.materials.law import bond_energy, bond_weight, far_end, moment_weight, near_end, pull, released_stretch, volume_energy
+from pdhpc.materials.law import bond_energy, bond_weight, far_end, moment_weight, near_end, pull, released_stretch, stiffness, volume_energy
 
 
 @sweep
@@ -71,6 +71,24 @@ def dilatation_of(bonds, i, points, law, state, linear, third):
     block = points.block[i]
     state[i, 1] = law.volumetric[block] * state[i, 0] * state[i, 0] * total if block < len(law.volumetric) else 0.0
     return beyond
+
+
+@inlined
+def frequency_of(bonds, i, points, law, state, third):
+    """Return |A_i|/rho_i, 1/s^2, with |.| the largest absolute row sum; see sweeps.largest_frequency2."""
+    xx, yy, zz, xy, xz, yz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    block = points.block[i]
+    for k in range(first_bond(bonds, i), end_of_bonds(bonds, i)):
+        if not is_alive(bonds, i, k):
+            continue
+        j, inv_l = neighbour(bonds, i, k), inverse_length(bonds, i, k)
+        x, y, z = reference_vector(bonds, points, i, j, k, third)
+        modulus = stiffness(law, block, near_end(law, points, state, i, j), far_end(law, state, j))
+        part = modulus * bond_weight(law, inv_l) * share(bonds, i, k) * points.volume[j] * inv_l * inv_l
+        xx, yy, zz = xx + part * x * x, yy + part * y * y, zz + part * z * z
+        xy, xz, yz = xy + part * x * y, xz + part * x * z, yz + part * y * z
+    largest = max(xx + abs(xy) + abs(xz), max(yy + abs(xy) + abs(yz), zz + abs(xz) + abs(yz)))
+    return largest / law.density[block] if largest > 0.0 else 0.0
 
 
 @sweep

@@ -289,6 +289,27 @@ def lane_sum(typing, a):
     return types.float64(F64x8), lower
 
 
+@intrinsic
+def lane_max(typing, a):
+    """Return the largest lane; lanes that are NaN may be left out."""
+
+    def lower(context, builder, signature, arguments):
+        result = builder.extract_element(arguments[0], ir.Constant(_I32, 0))
+        for lane in range(1, LANES):
+            value = builder.extract_element(arguments[0], ir.Constant(_I32, lane))
+            result = builder.select(builder.fcmp_ordered(">", value, result), value, result)
+        return result
+
+    return types.float64(F64x8), lower
+
+
+@intrinsic
+def as_vector(typing, a):
+    """Return a vector as it is, and a float in every lane of one."""
+    kind = F64x8 if a == F64x8 else types.float64
+    return F64x8(kind), lambda context, builder, signature, arguments: _as_vector(builder, kind, arguments[0])
+
+
 def _element(context, builder, kind, array, index):
     """Return a pointer to element `index` (flat) of an array."""
     return builder.gep(context.make_array(kind)(context, builder, array).data, [index])

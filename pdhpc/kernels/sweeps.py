@@ -5,12 +5,12 @@ Forces, with V_j the neighbour's volume (Silling & Askari 2005; Silling et al. 2
 from pdhpc.jit import sweep
 from pdhpc.kernels import cloud, lattice, reference, shared  # noqa: F401  (they fill the functions of family.py in)
 from pdhpc.kernels.family import (
-    bond_strain, dilatation_row, end_of_bonds, first_bond, force_row, inverse_length, is_alive, neighbour, place, reference_vector, row_width, share,
+    bond_strain, dilatation_row, end_of_bonds, first_bond, force_row, frequency_row, inverse_length, is_alive, neighbour, place, reference_vector, row_width, share,
     stretch_of,
 )
 from pdhpc.kernels.reference import break_row
 from pdhpc.kernels.simd import chosen
-from pdhpc.materials.law import bond_energy, bond_weight, far_end, moment_weight, near_end, pull, stiffness, volume_energy
+from pdhpc.materials.law import bond_energy, bond_weight, far_end, moment_weight, near_end, pull, volume_energy
 
 
 @sweep
@@ -149,30 +149,11 @@ def deformation_moments(bonds, points, law, third, slots, shape, moment):
 
 
 @sweep
-def largest_frequency2(bonds, points, law, state, third, slots, tensor):
-    """Return max_i |A_i| / rho_i, 1/s^2, over `slots`, with A_i = sum_j C weight V_j e (x) e over intact bonds and |.| its largest absolute row sum.
-
-    C is the law's stiffness; tensor (dim, dim) is scratch.
-    """
-    dim, largest = len(tensor), 0.0
-    for n in range(len(slots)):
-        i = slots[n]
-        tensor[:] = 0.0
-        block = points.block[i]
-        for k in range(first_bond(bonds, i), end_of_bonds(bonds, i)):
-            if is_alive(bonds, i, k):
-                j, inv_l = neighbour(bonds, i, k), inverse_length(bonds, i, k)
-                xi = reference_vector(bonds, points, i, j, k, third)
-                modulus = stiffness(law, block, near_end(law, points, state, i, j), far_end(law, state, j))
-                part = modulus * bond_weight(law, inv_l) * share(bonds, i, k) * points.volume[j] * inv_l * inv_l
-                for a in range(dim):
-                    for b in range(dim):
-                        tensor[a, b] += part * xi[a] * xi[b]
-        for a in range(dim):
-            row_sum = 0.0
-            for b in range(dim):
-                row_sum += abs(tensor[a, b])
-            largest = max(largest, row_sum / law.density[block])
+def largest_frequency2(bonds, points, law, state, third, rows):
+    """Return max_i |A_i| / rho_i, 1/s^2, over `rows` (as of bond_forces), with A_i = sum_j C weight V_j e (x) e over intact bonds, C the law's stiffness."""
+    largest = 0.0
+    for t in range(len(rows)):
+        largest = max(largest, frequency_row(bonds, rows[t], points, law, state, third))
     return largest
 
 

@@ -1,8 +1,6 @@
 """Critical time step of explicit integration, bounded from the assembled bonds."""
 import math
 
-import numpy as np
-
 from pdhpc.kernels.sweeps import largest_frequency2
 
 
@@ -16,6 +14,6 @@ def stable_step(subdomain, law):
     pessimistic above it.
     """
     particles = subdomain.particles
-    scratch = np.empty((particles.dim, particles.dim))
-    largest = largest_frequency2(subdomain.bonds.arrays, subdomain.points, law, subdomain.state, particles.third, particles.slots, scratch)
+    arguments = subdomain.bonds.arrays, subdomain.points, law, subdomain.state, particles.third
+    largest = max(largest_frequency2(*arguments, rows) for rows in subdomain.rows)
     return math.sqrt(2.0 / largest) if largest > 0 else math.inf

@@ -49,13 +49,14 @@ class Grid:
         origin, spacing = self.lattice.origin, self.lattice.spacing
         return origin + (self.first - self.reach) * spacing, origin + (self.last + self.reach) * spacing
 
-    def slots(self, cells):
-        """Return (n,) int32, the slots of cells (n, dim) of the lattice."""
-        return ((cells - self.first + self.pad) @ self.step[: cells.shape[1]]).astype(np.int32)
+    def slots(self, slab, shift):
+        """Return (n,) int32, the slots of the particles of a geometry.lattice.Slab whose cells lie `shift` (dim,) cells into the lattice."""
+        step = self.step[: len(shift)]
+        return slab.number(step, int((shift - self.first + self.pad) @ step)).astype(np.int32)
 
-    def owns(self, cells):
-        """Return (n,) bool, whether cells (n, dim) lie among first ... last - 1."""
-        return ((cells >= self.first) & (cells < self.last)).all(axis=1)
+    def owns(self, slab, shift):
+        """Return (n,) bool, whether the particles of a Slab lie in the cells first ... last - 1."""
+        return slab.within(self.first - shift, self.last - shift)
 
     def offsets(self, stencil):
         """Return (n,) int64, the slots between a particle and its neighbours stencil (n, dim)."""

@@ -11,6 +11,9 @@ from pdhpc.peridynamics.grid import Grid
 from pdhpc.peridynamics.particles import LatticeParticles
 from pdhpc.peridynamics.subdomain import SAMPLE, Subdomain
 
+_SAMPLE = 20_000  # cells per rank that the partition of a large body is computed from
+_PIECE = 1 << 18  # cells tested at once: bounds the temporary memory
+
 
 def make_stencil(dim, ratio):
     """Return (n, dim) int64: cells within `ratio` spacings of one, itself left out, in the order of their ids."""
@@ -21,28 +24,61 @@ def make_stencil(dim, ratio):
 
 
 def sample_lattice(bodies, lattice, rank, size, radius):
-    """Return (points, weights) as subdomain.sample_with_weights does, of bodies on a common lattice. Local; costs a byte for each cell of the slab."""
+    """Return (points, weights) as subdomain.sample_with_weights does, of bodies on a common lattice. Local.
+
+    Small bodies are counted whole, at a byte for each cell of the rank-th slab; of large ones _SAMPLE cells are drawn and only these and their neighbours
+    tested.
+    """
     ratio = radius / lattice.spacing
+    cells = sum(int(np.prod(body.cells, dtype=object)) for body in bodies)
+    if cells > 4 * size * SAMPLE:
+        return _draw(bodies, lattice, rank, size, make_stencil(len(lattice.origin), ratio))
     first, last = _cell_bounds(bodies, lattice, np.full(len(lattice.origin), -np.inf), np.full(len(lattice.origin), np.inf))
     axis = int(np.argmax(last - first))
     edges = first[axis] + (last[axis] - first[axis]) * np.arange(size + 1) // size
     first[axis], last[axis] = edges[rank], edges[rank + 1]
     grid = Grid(lattice, first, last, int(ratio))
     present = np.zeros(grid.n_slots, np.bool_)
-    owned = []
-    for number, body in enumerate(bodies):
-        for ids, _ in body.slabs_in(*grid.bounds()):
-            cells = body.cell_of(ids) + lattice.shifts[number]
-            slots = grid.slots(cells)
+    owned = [np.empty(0, np.int32)]
+    for body, shift in zip(bodies, lattice.shifts):
+        for slab in body.slabs_in(*grid.bounds()):
+            slots = grid.slots(slab, shift)
             present[slots] = True
-            owned.append((ids[grid.owns(cells)], slots[grid.owns(cells)]))
-    count = sum(len(ids) for ids, _ in owned)
-    share = max(1, count // SAMPLE)
-    chosen = np.concatenate([slots[(ids * 2654435761 >> 12) % share == 0] for ids, slots in owned] + [np.empty(0, np.int32)])
+            owned.append(slots[grid.owns(slab, shift)])
+    chosen = np.concatenate(owned)
     weights = np.empty(len(chosen), np.int64)
     _count_present(present, chosen, grid.offsets(make_stencil(len(first), ratio)), weights)
     points = np.stack([grid.coordinate[a, chosen // grid.step[a] % grid.cells[a]] for a in range(len(first))], axis=1)
     return points, weights
+
+
+def _draw(bodies, lattice, rank, size, stencil):
+    """Return (points, weights) of cells drawn evenly and at random from the rank-th of `size` equal shares of every body's ids."""
+    points, weights = [], []
+    total = sum(int(np.prod(body.cells, dtype=object)) for body in bodies)
+    for body, shift in zip(bodies, lattice.shifts):
+        count = int(np.prod(body.cells, dtype=object))
+        edges = [count * number // size for number in (rank, rank + 1)]
+        interval = max(1, total // (size * _SAMPLE))
+        start = np.arange(edges[0], edges[1], interval)
+        drawn = start + (start * 2654435761 >> 12) % interval
+        cells = np.stack(np.unravel_index(drawn[drawn < edges[1]], tuple(body.cells)), axis=1) + shift
+        cells = cells[_holds_particle([body], [shift], lattice, cells)]
+        for piece in np.array_split(cells, max(1, len(cells) * len(stencil) // _PIECE)):
+            near = (piece[:, None, :] + stencil).reshape(-1, stencil.shape[1])
+            weights.append(_holds_particle(bodies, lattice.shifts, lattice, near).reshape(len(piece), -1).sum(axis=1))
+            points.append(lattice.origin + (piece + 0.5) * lattice.spacing)
+    return np.concatenate(points), np.maximum(1, np.concatenate(weights))
+
+
+def _holds_particle(bodies, shifts, lattice, cells):
+    """Return (n,) bool, which cells (n, dim) of the lattice hold a particle."""
+    held = np.zeros(len(cells), bool)
+    for body, shift in zip(bodies, shifts):
+        inside = ((cells >= shift) & (cells < shift + body.cells)).all(axis=1)
+        inside[inside] = body.contains(lattice.origin + (cells[inside] + 0.5) * lattice.spacing)
+        held |= inside
+    return held
 
 
 def make_lattice_subdomain(bodies, lattice, partition, rank, radius, describe, law, linear):
@@ -69,7 +105,8 @@ def make_lattice_subdomain(bodies, lattice, partition, rank, radius, describe, l
     foreign[others[1]] = 1
     border = np.zeros(len(blocks), np.bool_)
     if len(others[1]):
-        _find_border(arrays.offset, arrays.alive, blocks, foreign, border)
+        near = _spread(grid, foreign)
+        _find_border(arrays.offset, arrays.alive, blocks, near, foreign, border)
     _find_kinds(arrays.offset, block, blocks, arrays.kind)
     used = foreign[others[1]] == 2
     owner = partition.owner(others[2][used])
@@ -103,17 +140,16 @@ def _fill(bodies, grid, describe):
     dim, cell_volume = len(grid.first), 0.0
     owned, others = [(np.empty(0, np.int64), np.empty(0, np.int32))], [(np.empty(0, np.int64), np.empty(0, np.int32), np.empty((0, dim)))]
     for number, body in enumerate(bodies if (grid.last > grid.first).all() else []):
-        for ids, points in body.slabs_in(*grid.bounds()):
-            if not len(ids):
+        for slab in body.slabs_in(*grid.bounds()):
+            if not len(slab.ids):
                 continue
-            cells = body.cell_of(ids) + grid.lattice.shifts[number]
-            slots, mine = grid.slots(cells), grid.owns(cells)
-            if (block[slots] != MIXED).any():
+            slots, mine = grid.slots(slab, grid.lattice.shifts[number]), grid.owns(slab, grid.lattice.shifts[number])
+            if number and (block[slots] != MIXED).any():
                 raise ValueError("two particles lie at the same place: bodies overlap")
-            volume, block[slots] = describe(points, np.full(len(ids), number, np.int32))
+            volume, block[slots] = describe(slab.points, np.full(len(slots), number, np.int32))
             cell_volume = float(volume[0])
-            owned.append((ids[mine], slots[mine]))
-            others.append((ids[~mine], slots[~mine], points[~mine]))
+            owned.append((slab.ids[mine], slots[mine]))
+            others.append((slab.ids[~mine], slots[~mine], slab.points[~mine]))
     return block, cell_volume, tuple(np.concatenate(part) for part in zip(*owned)), tuple(np.concatenate(part) for part in zip(*others))
 
 
@@ -126,7 +162,8 @@ def _make_bonds(grid, stencil, block, rows, law, cell_volume):
     weight *= cell_volume
     alive = np.zeros((-(-len(stencil) // WORD), grid.n_slots), np.uint64)
     offset = grid.offsets(stencil)
-    _set_bits(offset, block, rows.start, rows.width, alive)
+    near_edge = _spread(grid, (block == MIXED).view(np.uint8))
+    _set_bits(offset, block, near_edge, rows.start, rows.width, alive)
     kind = np.full(grid.n_slots // LANES, MIXED, np.uint8)
     return LatticeArrays(offset, vector, inv_length, weight, weight / inv_length**2, alive, kind, grid.step, grid.cells, grid.coordinate)
 
@@ -146,19 +183,40 @@ def _weights(law, inv_length, weight):
         weight[k] = bond_weight(law, inv_length[k])
 
 
+def _spread(grid, marked):
+    """Return (n_slots,) uint8: 1 wherever a slot of the cube of 2 reach + 1 cells about a slot is marked (and here and there besides). Local."""
+    for axis in range(len(grid.first)):
+        marked = _spread_along(marked, int(grid.step[axis]), grid.reach)
+    return marked
+
+
 @kernel
-def _set_bits(offset, block, row_start, width, alive):
-    """Set the bit of every bond between an owned particle and a particle."""
+def _spread_along(marked, step, reach):
+    n, result = len(marked), marked.copy()
+    margin = min(n, step * reach)
+    for i in range(margin):
+        result[i] = 1
+        result[n - 1 - i] = 1
+    for k in range(1, reach + 1):
+        for i in range(margin, n - margin):
+            result[i] |= marked[i - k * step] | marked[i + k * step]
+    return result
+
+
+@kernel
+def _set_bits(offset, block, near_edge, row_start, width, alive):
+    """Set the bit of every bond between an owned particle and a particle: all of them at once where no cell near is empty."""
+    whole = np.zeros(len(alive), np.uint64)
+    for k in range(len(offset)):
+        whole[k >> 6] |= np.uint64(1) << np.uint64(k & 63)
     for row in range(len(row_start)):
-        first, last = row_start[row], row_start[row] + width
-        for k in range(len(offset)):
-            word, bit = alive[k >> 6], np.uint64(k & 63)
-            for i in range(first, last):
-                word[i] |= np.uint64(block[i + offset[k]] != MIXED) << bit
-        for i in range(first, last):
-            if block[i] == MIXED:
+        for i in range(row_start[row], row_start[row] + width):
+            if near_edge[i] == 0:
                 for w in range(len(alive)):
-                    alive[w, i] = np.uint64(0)
+                    alive[w, i] = whole[w]
+            elif block[i] != MIXED:
+                for k in range(len(offset)):
+                    alive[k >> 6, i] |= np.uint64(block[i + offset[k]] != MIXED) << np.uint64(k & 63)
 
 
 @kernel
@@ -177,10 +235,12 @@ def _blocks_with_particles(block, row_start, width):
 
 
 @kernel
-def _find_border(offset, alive, blocks, foreign, border):
-    """Mark blocks with a bond to a particle of another rank, and those particles by 2 in `foreign` (1: another rank's)."""
+def _find_border(offset, alive, blocks, near, foreign, border):
+    """Mark blocks with a bond to a particle of another rank, and those particles by 2 in `foreign` (1: another rank's); near: where one may be in reach."""
     for t in range(len(blocks)):
         for i in range(blocks[t], blocks[t] + 8):
+            if near[i] == 0:
+                continue
             for k in range(len(offset)):
                 if foreign[i + offset[k]] != 0 and (alive[k >> 6, i] >> np.uint64(k & 63)) & np.uint64(1) != 0:
                     foreign[i + offset[k]] = 2
