@@ -111,7 +111,7 @@ def _dilatation_row(bonds, i, points, law, state, linear, third):
         live = lane_mask(bonds.alive[k >> 3])
         inv_l = load8(bonds.inv_length, k)
         measure, stretch, shrink, dx, dy, dz = _strains(bonds, i, k, points, inv_l, linear, third)
-        extension = measure if linear else root8(measure) - 1.0
+        extension = measure if linear is not None else root8(measure) - 1.0
         total = select(live, fma(moment_weight(law, inv_l), extension, total), total)
         largest = select(live, larger(measure, largest), largest)
     state[i, 1] = law.volumetric[block] * state[i, 0] * state[i, 0] * lane_sum(total) * points.volume[i]
@@ -128,15 +128,15 @@ def _strains(bonds, i, k, points, inv_l, linear, third):
     """Return (measure, stretch, shrink, dx, dy, dz) of eight bonds, as family.bond_strain does of one."""
     if third is None:
         ex, ey = _offsets_2d(points.position, bonds.neighbour, i, k)
-        dx, dy = _offsets_2d(points.reference, bonds.neighbour, i, k) if linear else (ex, ey)
+        dx, dy = _offsets_2d(points.reference, bonds.neighbour, i, k) if linear is not None else (ex, ey)
         dz, along2 = splat(0.0), fma(dx, ex, dy * ey)
     else:
         ex, ey, ez = _offsets_3d(points.position, bonds.neighbour, i, k)
-        dx, dy, dz = _offsets_3d(points.reference, bonds.neighbour, i, k) if linear else (ex, ey, ez)
+        dx, dy, dz = _offsets_3d(points.reference, bonds.neighbour, i, k) if linear is not None else (ex, ey, ez)
         along2 = fma(dx, ex, fma(dy, ey, dz * ez))
     measure = along2 * (inv_l * inv_l)
-    shrink = splat(1.0) if linear else rsqrt8(measure)
-    return measure, measure if linear else 1.0 - shrink, shrink, dx, dy, dz
+    shrink = splat(1.0) if linear is not None else rsqrt8(measure)
+    return measure, measure if linear is not None else 1.0 - shrink, shrink, dx, dy, dz
 
 
 @inlined

@@ -97,11 +97,11 @@ def bond_strain(bonds, points, i, j, k, linear, third):
     ex, ey = points.position[j, 0] - points.position[i, 0], points.position[j, 1] - points.position[i, 1]
     ez = 0.0 if third is None else points.position[j, 2] - points.position[i, 2]
     dx, dy, dz = ex, ey, ez
-    if linear:
+    if linear is not None:
         dx, dy, dz = reference_vector(bonds, points, i, j, k, third)
     along2 = fma(dx, ex, dy * ey) if third is None else fma(dx, ex, fma(dy, ey, dz * ez))
     measure = along2 * (inv_l * inv_l)
-    if linear:
+    if linear is not None:
         return measure, measure, 1.0, dx, dy, dz
     shrink = 1.0 / np.sqrt(measure)
     return measure, 1.0 - shrink, shrink, dx, dy, dz
@@ -110,4 +110,4 @@ def bond_strain(bonds, points, i, j, k, linear, third):
 @inlined
 def stretch_of(measure, linear):
     """Return s of a bond from its measure."""
-    return measure if linear else np.sqrt(measure) - 1.0
+    return measure if linear is not None else np.sqrt(measure) - 1.0

@@ -11,7 +11,10 @@ import numpy as np
 from pdhpc.jit import implements, inlined
 from pdhpc.kernels import family
 from pdhpc.kernels.family import MIXED
-from pdhpc.kernels.simd import LANES, any_of, as_vector, fma, has_bit, lane_max, larger, load8, lookup8, root8, rsqrt8, select, splat, store8, words8
+from pdhpc.kernels.simd import (
+    LANES, any_of, as_vector, at, both, either, fma, fnma, has_bit, lane_mask, lane_max, larger, load8, lookup8, root8, rsqrt8, select, splat, store8,
+    words8,
+)
 from pdhpc.materials.bond_based import BondBasedLaw
 from pdhpc.kernels.reference import frequency_of
 from pdhpc.materials.law import pull, stiffness
@@ -24,17 +27,21 @@ WORD = 64
 class LatticeArrays(NamedTuple):
     """The stencil of a lattice and the states of its bonds.
 
-    offset (n,) int64, slots from a particle to its neighbours; vector (n, dim), m, xi; inv_length (n,), 1/m; weight (n,): bond_weight times the volume of a
-    cell; dilatation_weight (n,): weight |xi|^2; alive (n_words, n_slots) uint64: bit k & 63 of word k >> 6 of a slot is bond k; kind (n_slots / 8,) uint8: the
+    offset (n,) int64, slots from a particle to its neighbours; vector (n, dim), m, xi; length, inv_length (n,), |xi|, m, and its inverse;
+    weight (n_block + 1, n): bond_weight times the volume of a cell, times the modulus of bonds within each block (laws that have one), and last alone;
+    moment_weight (n,), of materials/law.py, times the volume; trigger (n_block + 1, n): y^2 (finite) or xi . eta (linear), m^2, from which on a bond of a
+    block, or last of any, may be beyond its limit (a little early: what decides is family.bond_strain); alive (n_words, n_slots) uint64: bit k & 63 of word k >> 6 of a slot is bond k; kind (n_slots / 8,) uint8: the
     block (of material and failure rule) of all particles of a block of eight and their neighbours, or MIXED;
     step, cells (3,) int64: slots between cells along x, y, z, and their number; coordinate (3, ...), m: those of the cells along each (z of 2D: one 0).
     """
 
     offset: np.ndarray
     vector: np.ndarray
+    length: np.ndarray
     inv_length: np.ndarray
     weight: np.ndarray
-    dilatation_weight: np.ndarray
+    moment_weight: np.ndarray
+    trigger: np.ndarray
     alive: np.ndarray
     kind: np.ndarray
     step: np.ndarray
@@ -54,7 +61,7 @@ def _end_of_bonds(bonds, i):
 
 @implements(family.neighbour, LatticeArrays)
 def _neighbour(bonds, i, k):
-    return i + bonds.offset[k]
+    return i + at(bonds.offset, k)
 
 
 @implements(family.is_alive, LatticeArrays)
@@ -77,7 +84,7 @@ def _count_alive(bonds, i):
 
 @implements(family.inverse_length, LatticeArrays)
 def _inverse_length(bonds, i, k):
-    return bonds.inv_length[k]
+    return at(bonds.inv_length, k)
 
 
 @implements(family.reference_vector, LatticeArrays)
@@ -115,26 +122,31 @@ def count_bits(word):
 def _force_row(bonds, i, points, law, state, linear, third, force_density):
     kind = bonds.kind[i >> 3]
     if kind == MIXED:
-        return _block_force(bonds, i, points, law, state, linear, third, force_density, mixed_ends(law, state, i), _smallest(law.break_at))
-    return _block_force(bonds, i, points, law, state, linear, third, force_density, uniform_ends(law, state, i, kind), law.break_at[kind, kind])
+        return _block_force(bonds, i, points, law, state, linear, third, force_density, mixed_ends(law, state, i), len(bonds.weight) - 1)
+    return _block_force(bonds, i, points, law, state, linear, third, force_density, uniform_ends(law, state, i), np.int64(kind))
 
 
 @inlined
-def _block_force(bonds, i, points, law, state, linear, third, force_density, near, limit):
-    """Sum the forces on eight particles; near: what the law needs of them."""
+def _block_force(bonds, i, points, law, state, linear, third, force_density, near, row):
+    """Sum the forces on eight particles; near: what the law needs of them; row: of the tables of weights and triggers."""
     position, n, count = points.position, len(points.position), len(bonds.offset)
     px, py = load8(position, i), load8(position, n + i)
     pz = splat(0.0) if third is None else load8(position, 2 * n + i)
-    fx, fy, fz, largest = splat(0.0), splat(0.0), splat(0.0), splat(-1.0)
+    fx, fy, fz, beyond = splat(0.0), splat(0.0), splat(0.0), lane_mask(np.uint8(0))
     for word in range(bonds.alive.shape[0]):
         states = words8(bonds.alive, word * n + i)
         for k in range(WORD * word, min(count, WORD * word + WORD)):
-            j = i + bonds.offset[k]
-            measure, stretch, shrink, dx, dy, dz = _strains(bonds, position, j, k, px, py, pz, linear, third)
-            ends = bond_ends(near, points, state, i, j)
+            j = i + at(bonds.offset, k)
+            along2, dx, dy, dz = _vectors(bonds, position, j, k, px, py, pz, linear, third)
             live = has_bit(states, k - WORD * word)
-            tension = select(live, pull(law, ends[0], ends[1], bonds.weight[k], stretch, shrink), splat(0.0))
-            largest = select(live, larger(measure, largest), largest)
+            beyond = either(beyond, both(live, along2 > at(bonds.trigger, row * count + k)))
+            if linear is not None:
+                shrink, stretch = splat(1.0), along2 * (at(bonds.inv_length, k) * at(bonds.inv_length, k))
+            else:
+                inverse = rsqrt8(along2)
+                shrink, stretch = at(bonds.length, k) * inverse, fnma(splat(at(bonds.length, k)), inverse, splat(1.0))
+            ends = bond_ends(near, points, state, i, j)
+            tension = select(live, pull(law, ends[0], ends[1], at(bonds.weight, row * count + k), stretch, shrink), splat(0.0))
             fx, fy = fma(tension, dx, fx), fma(tension, dy, fy)
             if third is not None:
                 fz = fma(tension, dz, fz)
@@ -142,36 +154,51 @@ def _block_force(bonds, i, points, law, state, linear, third, force_density, nea
     store8(force_density, n + i, fy)
     if third is not None:
         store8(force_density, 2 * n + i, fz)
-    return any_of(largest > limit)
+    return any_of(beyond)
 
 
 @implements(family.dilatation_row, LatticeArrays)
 def _dilatation_row(bonds, i, points, law, state, linear, third):
     kind = bonds.kind[i >> 3]
+    row = len(bonds.weight) - 1 if kind == MIXED else np.int64(kind)
     position, n, count = points.position, len(points.position), len(bonds.offset)
     px, py = load8(position, i), load8(position, n + i)
     pz = splat(0.0) if third is None else load8(position, 2 * n + i)
-    total, largest = splat(0.0), splat(-1.0)
+    total, beyond = splat(0.0), lane_mask(np.uint8(0))
     for word in range(bonds.alive.shape[0]):
         states = words8(bonds.alive, word * n + i)
         for k in range(WORD * word, min(count, WORD * word + WORD)):
-            measure, stretch, shrink, dx, dy, dz = _strains(bonds, position, i + bonds.offset[k], k, px, py, pz, linear, third)
+            along2, dx, dy, dz = _vectors(bonds, position, i + at(bonds.offset, k), k, px, py, pz, linear, third)
             live = has_bit(states, k - WORD * word)
-            extension = measure if linear else root8(measure) - 1.0
-            total = fma(select(live, extension, splat(0.0)), splat(bonds.dilatation_weight[k]), total)
-            largest = select(live, larger(measure, largest), largest)
+            beyond = either(beyond, both(live, along2 > at(bonds.trigger, row * count + k)))
+            if linear is not None:
+                s = along2 * (at(bonds.inv_length, k) * at(bonds.inv_length, k))
+            else:
+                s = fma(root8(along2), splat(at(bonds.inv_length, k)), splat(-1.0))
+            total = fma(select(live, s, splat(0.0)), splat(at(bonds.moment_weight, k)), total)
     a = load8(state, i)
-    p = a * a * total
     if kind == MIXED:
-        for lane in range(LANES):
-            state[i + lane, 1] = 0.0
-        store8(state, n + i, p)
+        store8(state, n + i, a * a * total)
         for lane in range(LANES):
             block = points.block[i + lane]
             state[i + lane, 1] *= law.volumetric[block] if block < len(law.volumetric) else 0.0
-        return any_of(largest > _smallest(law.break_at))
-    store8(state, n + i, p * law.volumetric[kind])
-    return any_of(largest > law.break_at[kind, kind])
+    else:
+        store8(state, n + i, a * a * total * law.volumetric[kind])
+    return any_of(beyond)
+
+
+@inlined
+def _vectors(bonds, position, j, k, px, py, pz, linear, third):
+    """Return (y^2 or xi . eta, m^2, and the components, m, of the vectors that bonds pull along) of bond k of eight particles, as family.bond_strain does."""
+    n = len(position)
+    ex, ey = load8(position, j) - px, load8(position, n + j) - py
+    ez = splat(0.0) if third is None else load8(position, 2 * n + j) - pz
+    dx, dy, dz = ex, ey, ez
+    if linear is not None:
+        dim = 2 if third is None else 3
+        dx, dy = splat(at(bonds.vector, dim * k)), splat(at(bonds.vector, dim * k + 1))
+        dz = splat(0.0) if third is None else splat(at(bonds.vector, dim * k + 2))
+    return fma(dx, ex, dy * ey) if third is None else fma(dx, ex, fma(dy, ey, dz * ez)), dx, dy, dz
 
 
 @implements(family.frequency_row, LatticeArrays)
@@ -181,15 +208,15 @@ def _frequency_row(bonds, i, points, law, state, third):
         for lane in range(LANES):
             largest = max(largest, frequency_of(bonds, i + lane, points, law, state, third))
         return largest
-    near, n, count = uniform_ends(law, state, i, kind), len(points.position), len(bonds.offset)
+    near, n, count = uniform_ends(law, state, i), len(points.position), len(bonds.offset)
     xx, yy, zz, xy, xz, yz = splat(0.0), splat(0.0), splat(0.0), splat(0.0), splat(0.0), splat(0.0)
     for word in range(bonds.alive.shape[0]):
         states = words8(bonds.alive, word * n + i)
         for k in range(WORD * word, min(count, WORD * word + WORD)):
-            ends = bond_ends(near, points, state, i, i + bonds.offset[k])
+            ends = bond_ends(near, points, state, i, i + at(bonds.offset, k))
             x, y, z = bonds.vector[k, 0], bonds.vector[k, 1], 0.0 if third is None else bonds.vector[k, 2]
             part = select(has_bit(states, k - WORD * word), as_vector(stiffness(law, kind, ends[0], ends[1])), splat(0.0))
-            part = part * (bonds.weight[k] * bonds.inv_length[k] * bonds.inv_length[k])
+            part = part * (bonds.weight[kind, k] * at(bonds.inv_length, k) * at(bonds.inv_length, k))
             xx, yy, zz = fma(part, splat(x * x), xx), fma(part, splat(y * y), yy), fma(part, splat(z * z), zz)
             xy, xz, yz = fma(part, splat(x * y), xy), fma(part, splat(x * z), xz), fma(part, splat(y * z), yz)
     xy, xz, yz = larger(xy, 0.0 - xy), larger(xz, 0.0 - xz), larger(yz, 0.0 - yz)
@@ -197,36 +224,10 @@ def _frequency_row(bonds, i, points, law, state, third):
     return lane_max(norm) / law.density[kind]
 
 
-@inlined
-def _strains(bonds, position, j, k, px, py, pz, linear, third):
-    """Return (measure, stretch, shrink, dx, dy, dz) of bond k of eight particles, as family.bond_strain does of one; j is the slot of the first's neighbour."""
-    n, inv_l = len(position), bonds.inv_length[k]
-    ex, ey = load8(position, j) - px, load8(position, n + j) - py
-    ez = splat(0.0) if third is None else load8(position, 2 * n + j) - pz
-    dx, dy, dz = ex, ey, ez
-    if linear:
-        dx, dy = splat(bonds.vector[k, 0]), splat(bonds.vector[k, 1])
-        dz = splat(0.0) if third is None else splat(bonds.vector[k, 2])
-    along2 = fma(dx, ex, dy * ey) if third is None else fma(dx, ex, fma(dy, ey, dz * ez))
-    measure = along2 * (inv_l * inv_l)
-    shrink = splat(1.0) if linear else rsqrt8(measure)
-    return measure, measure if linear else 1.0 - shrink, shrink, dx, dy, dz
+class Weighted(NamedTuple):
+    """Eight particles whose bonds share a modulus, which the weights hold."""
 
-
-@inlined
-def _smallest(table):
-    """Return the smallest entry of a small table."""
-    least = np.inf
-    for a in range(table.shape[0]):
-        for b in range(table.shape[1]):
-            least = min(least, table[a, b])
-    return least
-
-
-class OneModulus(NamedTuple):
-    """Eight particles whose bonds share a micromodulus."""
-
-    micromodulus: float
+    one: float
 
 
 class TableOfModuli(NamedTuple):
@@ -242,8 +243,8 @@ class States(NamedTuple):
     p: object
 
 
-def uniform_ends(law, state, i, kind):
-    """Return what the law needs of eight particles which, with their neighbours, are of block `kind`."""
+def uniform_ends(law, state, i):
+    """Return what the law needs of eight particles which, with their neighbours, are of one block."""
 
 
 def mixed_ends(law, state, i):
@@ -255,8 +256,8 @@ def bond_ends(near, points, state, i, j):
 
 
 @implements(uniform_ends, BondBasedLaw)
-def _one_modulus(law, state, i, kind):
-    return OneModulus(law.micromodulus[kind, kind])
+def _weighted(law, state, i):
+    return Weighted(1.0)
 
 
 @implements(mixed_ends, BondBasedLaw)
@@ -265,7 +266,7 @@ def _table_of_moduli(law, state, i):
 
 
 @implements(uniform_ends, LinearSolidLaw)
-def _uniform_states(law, state, i, kind):
+def _uniform_states(law, state, i):
     return States(load8(state, i), load8(state, len(state) + i))
 
 
@@ -274,9 +275,9 @@ def _mixed_states(law, state, i):
     return States(load8(state, i), load8(state, len(state) + i))
 
 
-@implements(bond_ends, OneModulus)
-def _ends_of_one_modulus(near, points, state, i, j):
-    return near.micromodulus, 0.0
+@implements(bond_ends, Weighted)
+def _ends_weighted(near, points, state, i, j):
+    return 1.0, 0.0
 
 
 @implements(bond_ends, TableOfModuli)

@@ -16,7 +16,7 @@ def place(reference, displacement, position, linear):
     """Store X + u (finite) or u (linear), m, of owned particles in position (n, width)."""
     for i in range(len(displacement)):
         for d in range(displacement.shape[1]):
-            position[i, d] = displacement[i, d] if linear else reference[i, d] + displacement[i, d]
+            position[i, d] = displacement[i, d] if linear is not None else reference[i, d] + displacement[i, d]
 
 
 @kernel
@@ -34,7 +34,7 @@ def drift(displacement, velocity, reference, position, linear, dt):
     for i in range(len(displacement)):
         for d in range(displacement.shape[1]):
             displacement[i, d] = fma(dt, velocity[i, d], displacement[i, d])
-            position[i, d] = displacement[i, d] if linear else reference[i, d] + displacement[i, d]
+            position[i, d] = displacement[i, d] if linear is not None else reference[i, d] + displacement[i, d]
 
 
 @kernel
@@ -45,7 +45,7 @@ def kick_drift(velocity, force_density, inverse_density, block, displacement, re
         for d in range(velocity.shape[1]):
             velocity[i, d] = fma(factor, force_density[i, d], velocity[i, d])
             displacement[i, d] = fma(dt, velocity[i, d], displacement[i, d])
-            position[i, d] = displacement[i, d] if linear else reference[i, d] + displacement[i, d]
+            position[i, d] = displacement[i, d] if linear is not None else reference[i, d] + displacement[i, d]
 
 
 class Rows(NamedTuple):
@@ -131,9 +131,9 @@ def _drift_row(rows, row, displacement, velocity, dt):
 def _place_row(rows, row, d, displacement, position, linear):
     """position = X + u or u of one component of one row."""
     first, last = rows.start[row], rows.start[row] + rows.width
-    corner = 0.0 if linear else rows.corner[row, d]  # 0 along the row
+    corner = 0.0 if linear is not None else rows.corner[row, d]  # 0 along the row
     i, along = first, rows.along
-    if d == rows.axis and not linear:
+    if d == rows.axis and linear is None:
         while i + LANES <= last:
             store8(position, i, load8(along, i - first) + load8(displacement, i))
             i += LANES

@@ -214,7 +214,7 @@ def rsqrt8_exact(x):
 def _rsqrt8_fast(x):
     """Return 1/sqrt(x) of a vector: a seed of 14 bits and one step of fourth order in h = 1 - x y^2, y (1 + h/2 + 3 h^2/8 + 5 h^3/16)."""
     y = _rsqrt_seed(x)
-    h = fma(0.0 - x * y, y, splat(1.0))
+    h = fnma(x * y, y, splat(1.0))
     return fma(y * h, fma(fma(splat(0.3125), h, splat(0.375)), h, splat(0.5)), y)
 
 
@@ -238,6 +238,28 @@ def fma(typing, a, b, c):
     if a == F64x8:
         return F64x8(F64x8, F64x8, F64x8), lambda context, builder, signature, arguments: _call(builder, "fma", arguments)
     return types.float64(types.float64, types.float64, types.float64), lambda context, builder, signature, arguments: builder.fma(*arguments)
+
+
+@intrinsic
+def fnma(typing, a, b, c):
+    """Return c - a * b of three vectors, rounded once."""
+
+    def lower(context, builder, signature, arguments):
+        return _call(builder, "fma", [builder.fneg(arguments[0]), arguments[1], arguments[2]])
+
+    return F64x8(F64x8, F64x8, F64x8), lower
+
+
+@intrinsic
+def either(typing, a, b):
+    """Return where mask a or mask b is set."""
+    return Mask8(Mask8, Mask8), lambda context, builder, signature, arguments: builder.or_(*arguments)
+
+
+@intrinsic
+def both(typing, a, b):
+    """Return where masks a and b are set."""
+    return Mask8(Mask8, Mask8), lambda context, builder, signature, arguments: builder.and_(*arguments)
 
 
 @intrinsic
@@ -313,6 +335,16 @@ def as_vector(typing, a):
 def _element(context, builder, kind, array, index):
     """Return a pointer to element `index` (flat) of an array."""
     return builder.gep(context.make_array(kind)(context, builder, array).data, [index])
+
+
+@intrinsic
+def at(typing, array, index):
+    """Return element `index` (flat, not negative) of a contiguous array, without numba's care for negative indices."""
+
+    def lower(context, builder, signature, arguments):
+        return context.unpack_value(builder, signature.args[0].dtype, _element(context, builder, signature.args[0], *arguments))
+
+    return array.dtype(array, types.intp), lower
 
 
 @intrinsic

@@ -21,7 +21,7 @@ def bond_forces(bonds, points, law, state, linear, third, rows, force_density, d
     ----------
     bonds : BondArrays, LatticeArrays or SharedBonds. points : PointArrays. law : a law of materials/.
     state : None, or (n_slots, 2) of state-based laws: a_i and p_i, of ghosts too.
-    linear : bool, kinematics. third : None in 2D, 2 in 3D (a type, so that each dimension compiles on its own).
+    linear : True, or None in finite kinematics. third : None in 2D, 2 in 3D (types, so that each case compiles on its own).
     rows : int32, first slots of the particles (cloud) or blocks of eight (lattice) to do.
     force_density : (n_slots, dim), N/m^3, overwritten in these rows.
     dissipated : (n_slots,), J, gains what each particle loses of its energy (the other end's owner adds its half of each bond).

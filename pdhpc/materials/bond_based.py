@@ -96,6 +96,12 @@ def _moment_weight(law, inv_length):
     return influence_over_length(law.weighting, inv_length) / (inv_length * inv_length)
 
 
+@implements(laws.modulus, BondBasedLaw)
+def _modulus(law, block):
+    """The micromodulus."""
+    return law.micromodulus[block, block]
+
+
 @implements(laws.near_end, BondBasedLaw)
 def _near_end(law, points, state, i, j):
     """The micromodulus c of the bond."""

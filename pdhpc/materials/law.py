@@ -93,6 +93,10 @@ def moment_weight(law, inv_length):
     """Return the weight times |xi|^2: that of a bond in weighted volumes and dilatations."""
 
 
+def modulus(law, block):
+    """Return the factor in the pull of every bond within a block: `near_end`, for laws whose near end is but that, else 1."""
+
+
 def near_end(law, points, state, i, j):
     """Return what `pull` needs of particle i, bonded to j."""
 

@@ -128,6 +128,12 @@ def _moment_weight(law, inv_length):
     return influence_over_length(law.weighting, inv_length) * length * length * length
 
 
+@implements(laws.modulus, LinearSolidLaw)
+def _modulus(law, block):
+    """None: the moduli are in the ends' a and p."""
+    return 1.0
+
+
 @implements(laws.near_end, LinearSolidLaw)
 def _near_end(law, points, state, i, j):
     """(a, p) of the particle."""

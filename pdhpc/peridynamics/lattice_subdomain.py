@@ -5,13 +5,14 @@ from pdhpc.jit import kernel
 from pdhpc.kernels.family import MIXED, PointArrays
 from pdhpc.kernels.lattice import WORD, LatticeArrays
 from pdhpc.kernels.simd import LANES
-from pdhpc.materials.law import bond_weight
+from pdhpc.materials.law import bond_weight, modulus, moment_weight
 from pdhpc.peridynamics.bonds import Bonds
 from pdhpc.peridynamics.grid import Grid
 from pdhpc.peridynamics.particles import LatticeParticles
 from pdhpc.peridynamics.subdomain import SAMPLE, Subdomain
 
 _SAMPLE = 20_000  # cells per rank that the partition of a large body is computed from
+_EARLY = 1e-12  # relative: how much before its limit a bond is looked at closely
 _PIECE = 1 << 18  # cells tested at once: bounds the temporary memory
 
 
@@ -156,16 +157,17 @@ def _fill(bodies, grid, describe):
 def _make_bonds(grid, stencil, block, rows, law, cell_volume):
     """Return the LatticeArrays of the owned cells, every bond to a particle alive."""
     vector = stencil * grid.lattice.spacing
-    inv_length = 1.0 / np.sqrt((vector**2).sum(axis=1))
-    weight = np.empty(len(stencil))
-    _weights(law, inv_length, weight)
-    weight *= cell_volume
+    length = np.sqrt((vector**2).sum(axis=1))
+    weight, moments = np.empty((len(law.density) + 1, len(stencil))), np.empty(len(stencil))
+    _weights(law, 1.0 / length, cell_volume, weight, moments)
+    limits = np.append(np.diag(law.break_at), law.break_at.min())
+    trigger = limits[:, None] * length**2 * (1 - _EARLY)
     alive = np.zeros((-(-len(stencil) // WORD), grid.n_slots), np.uint64)
     offset = grid.offsets(stencil)
     near_edge = _spread(grid, (block == MIXED).view(np.uint8))
     _set_bits(offset, block, near_edge, rows.start, rows.width, alive)
     kind = np.full(grid.n_slots // LANES, MIXED, np.uint8)
-    return LatticeArrays(offset, vector, inv_length, weight, weight / inv_length**2, alive, kind, grid.step, grid.cells, grid.coordinate)
+    return LatticeArrays(offset, vector, length, 1.0 / length, weight, moments, trigger, alive, kind, grid.step, grid.cells, grid.coordinate)
 
 
 @kernel
@@ -178,9 +180,14 @@ def _count_present(present, slots, offset, counts):
 
 
 @kernel
-def _weights(law, inv_length, weight):
-    for k in range(len(weight)):
-        weight[k] = bond_weight(law, inv_length[k])
+def _weights(law, inv_length, cell_volume, weight, moments):
+    """Store the tables `weight` and `moment_weight` of LatticeArrays."""
+    last = len(weight) - 1
+    for k in range(len(inv_length)):
+        weight[last, k] = bond_weight(law, inv_length[k]) * cell_volume
+        moments[k] = moment_weight(law, inv_length[k]) * cell_volume
+        for block in range(last):
+            weight[block, k] = weight[last, k] * modulus(law, block)
 
 
 def _spread(grid, marked):

@@ -1,7 +1,7 @@
 """The particles of one rank, named by slots: rows of their arrays. Two layouts with one face: a cloud, and the cells of a lattice.
 
 Both have, beside the attributes below: slots (n_owned,) int32, of owned particles in ascending global id; ghost_slots (n_ghost,) int32, by (owner, id);
-id (n_owned + n_ghost,) int64, global ids in this order; n_owned, n_ghost; dim; linear, kinematics; and by slot
+id (n_owned + n_ghost,) int64, global ids in this order; n_owned, n_ghost; dim; linear, True or None (finite kinematics), as kernels take it; and by slot
 
     position (n_slots, width), m, current positions (finite kinematics) or displacements (linear)
     displacement, velocity, force_density (n_slots, dim), m, m/s, N/m^3 (total: bonds and loads)
@@ -59,6 +59,7 @@ class Particles(_Slotted):
     dissipated: np.ndarray = field(init=False)
 
     def __post_init__(self):
+        self.linear = True if self.linear else None
         n, dim = self.reference.shape
         self.padded_reference = np.zeros((n, 2 if dim == 2 else 4))
         self.padded_reference[:, :dim] = self.reference
@@ -107,7 +108,7 @@ class LatticeParticles(_Slotted):
         """block : (n_slots,) uint8, MIXED where no particle is. rows : motion.Rows, the cells that this rank owns."""
         n_slots = len(block)
         self.id, self.slots, self.ghost_slots, self.block = ids, slots, ghost_slots, block
-        self.n_owned, self.dim, self.linear, self.rows = len(slots), dim, linear, rows
+        self.n_owned, self.dim, self.linear, self.rows = len(slots), dim, True if linear else None, rows
         self.volume = np.broadcast_to(np.array(cell_volume), (n_slots,))
         self._position, self._displacement, self._velocity, self._force = (np.zeros((dim, n_slots)) for _ in range(4))
         self.position, self.displacement, self.velocity, self.force_density = self._position.T, self._displacement.T, self._velocity.T, self._force.T
