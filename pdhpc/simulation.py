@@ -196,6 +196,7 @@ def _compile_first_on_each_node(comm, scene):
     if node.rank == 0:
         from pdhpc.warm_up import compile_kernels
 
-        compile_kernels((scene.dim,), (make_body(scene).path.split(":")[0],), (scene.material[0].model,))
+        path, model, linear = make_body(scene).path.split(":")[0], scene.material[0].model, scene.particles.kinematics == "linear"
+        compile_kernels((scene.dim,), (path,), (model,), (linear,))
     node.Barrier()
     node.Free()

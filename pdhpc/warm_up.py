@@ -1,4 +1,6 @@
 """Compile the kernels of a run on a tiny body, so that one process per node fills the cache before the others read it."""
+import itertools
+
 import numpy as np
 
 from pdhpc.geometry.cracks import disk, polyline
@@ -34,11 +36,11 @@ class NoGhosts:
         """Do nothing."""
 
 
-def block(dim, cells, ratio, linear=False, path="lattice", model="pmb"):
+def block(dim, cells, ratio, linear=False, path="lattice", model="pmb", influence="constant"):
     """Return (Subdomain, law) of a small cube of `cells` per side, family radius `ratio` spacings: for warming up and for measuring kernels. Local."""
     spacing = 1e-3
     bodies = [LatticeBody(Box((0.0,) * dim, (cells * spacing,) * dim), spacing, 0)]
-    setting = Setting("3d" if dim == 3 else "plane_stress", ratio * spacing, 1.0, "constant", spacing, "none", linear)
+    setting = Setting("3d" if dim == 3 else "plane_stress", ratio * spacing, 1.0, influence, spacing, "none", linear)
     material = BondBased("steel", 7800.0, 200e9, 1e4) if model == "pmb" else LinearSolid("steel", 7800.0, 160e9, 80e9, 1e4)
     law = type(material).law([(material, True)], setting)
     whole = Partition(np.empty(0, np.int64), np.empty(0), np.empty((0, 2), np.int64), 1)
@@ -55,16 +57,14 @@ def block(dim, cells, ratio, linear=False, path="lattice", model="pmb"):
     return subdomain, law
 
 
-def compile_kernels(dims=(2, 3), paths=PATHS, models=MODELS):
-    """Call every kernel of a run once for each choice of dimension, path and model; kinematics share one compilation. Local."""
-    for dim in dims:
-        for path in paths:
-            for model in models:
-                _compile(dim, path, model)
+def compile_kernels(dims=(2, 3), paths=PATHS, models=MODELS, kinematics=(False, True)):
+    """Call every kernel of a run once for each choice of dimension, path, model and kinematics (linear or not). Local."""
+    for choice in itertools.product(dims, paths, models, kinematics):
+        _compile(*choice)
 
 
-def _compile(dim, path, model):
-    subdomain, law = block(dim, 4, 2.0, False, path, model)
+def _compile(dim, path, model, linear):
+    subdomain, law = block(dim, 4, 2.0, linear, path, model)
     particles, arrays, points = subdomain.particles, subdomain.bonds.arrays, subdomain.points
     slots = particles.slots
     if path == "lattice":

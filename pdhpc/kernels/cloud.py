@@ -9,7 +9,7 @@ from pdhpc.jit import implements, inlined
 from pdhpc.kernels import family, reference
 from pdhpc.kernels.family import MIXED
 from pdhpc.kernels.neighbours import BondArrays
-from pdhpc.kernels.simd import LANES, any_of, fma, gather_xy, gather_xyz, lane_mask, lane_sum, larger, load8, root8, rsqrt8, select, splat
+from pdhpc.kernels.simd import LANES, any_of, at, both, either, fma, gather_xy, gather_xyz, lane_mask, lane_sum, load8, root8, rsqrt8, select, splat
 from pdhpc.materials.bond_based import BondBasedLaw
 from pdhpc.materials.law import bond_weight, moment_weight, near_end, pull
 from pdhpc.materials.state_based import LinearSolidLaw
@@ -83,13 +83,14 @@ def _force_row(bonds, i, points, law, state, linear, third, force_density):
     if block == MIXED:
         return reference.force_on(bonds, i, points, law, state, linear, third, force_density)
     near = near_end(law, points, state, i, i)
-    fx, fy, fz, largest = splat(0.0), splat(0.0), splat(0.0), splat(-1.0)
+    fx, fy, fz, beyond = splat(0.0), splat(0.0), splat(0.0), lane_mask(np.uint8(0))
+    limit = law.break_at[block, block]
     for k in range(bonds.row_start[i], bonds.row_start[i + 1], LANES):
-        live = lane_mask(bonds.alive[k >> 3])
+        live = lane_mask(at(bonds.alive, k >> 3))
         inv_l = load8(bonds.inv_length, k)
         measure, stretch, shrink, dx, dy, dz = _strains(bonds, i, k, points, inv_l, linear, third)
         tension = pull(law, near, far_ends(law, state, bonds, k), bond_weight(law, inv_l), stretch, shrink)
-        largest = select(live, larger(measure, largest), largest)
+        beyond = either(beyond, both(live, measure > limit))
         fx, fy = select(live, fma(tension, dx, fx), fx), select(live, fma(tension, dy, fy), fy)
         if third is not None:
             fz = select(live, fma(tension, dz, fz), fz)
@@ -98,7 +99,7 @@ def _force_row(bonds, i, points, law, state, linear, third, force_density):
     force_density[i, 1] = lane_sum(fy) * volume
     if third is not None:
         force_density[i, 2] = lane_sum(fz) * volume
-    return any_of(largest > law.break_at[block, block])
+    return any_of(beyond)
 
 
 @implements(family.dilatation_row, BondArrays)
@@ -106,16 +107,16 @@ def _dilatation_row(bonds, i, points, law, state, linear, third):
     block = points.row_block[i]
     if block == MIXED:
         return reference.dilatation_of(bonds, i, points, law, state, linear, third)
-    total, largest = splat(0.0), splat(-1.0)
+    total, beyond, limit = splat(0.0), lane_mask(np.uint8(0)), law.break_at[block, block]
     for k in range(bonds.row_start[i], bonds.row_start[i + 1], LANES):
-        live = lane_mask(bonds.alive[k >> 3])
+        live = lane_mask(at(bonds.alive, k >> 3))
         inv_l = load8(bonds.inv_length, k)
         measure, stretch, shrink, dx, dy, dz = _strains(bonds, i, k, points, inv_l, linear, third)
         extension = measure if linear is not None else root8(measure) - 1.0
         total = select(live, fma(moment_weight(law, inv_l), extension, total), total)
-        largest = select(live, larger(measure, largest), largest)
+        beyond = either(beyond, both(live, measure > limit))
     state[i, 1] = law.volumetric[block] * state[i, 0] * state[i, 0] * lane_sum(total) * points.volume[i]
-    return any_of(largest > law.break_at[block, block])
+    return any_of(beyond)
 
 
 @implements(family.frequency_row, BondArrays)

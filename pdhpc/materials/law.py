@@ -85,6 +85,14 @@ def influence_over_length(weighting, inv_length):
     return corrected * math.exp(0.0 - ratio * ratio)
 
 
+@inlined
+def influence(weighting, inv_length):
+    """Return omega(r) beta(r) of a bond of length r = 1/inv_length."""
+    if weighting.influence == INVERSE_DISTANCE:
+        return weighting.horizon * min(inv_length, (inv_length * weighting.ramp_end - 1.0) * weighting.ramp_slope)
+    return influence_over_length(weighting, inv_length) / inv_length
+
+
 def bond_weight(law, inv_length):
     """Return the weight of a bond in the sums below, from its length alone."""
 

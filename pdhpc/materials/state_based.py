@@ -8,7 +8,7 @@ import numpy as np
 from pdhpc.jit import implements
 from pdhpc.materials import law as laws
 from pdhpc.materials.influence import moment, value
-from pdhpc.materials.law import Weighting, influence_over_length, make_weighting, stretch_limits
+from pdhpc.materials.law import Weighting, influence, influence_over_length, make_weighting, stretch_limits
 
 CRITICAL_STRETCH_FORMULA = {
     "plane_stress": "s0 = sqrt(G_c / (8 G I4/(pi I3) + (k - 2 G) D)), D = int (2 m_z/m)^2 dz; k = E/(2 (1 - nu))",
@@ -118,14 +118,13 @@ def _cut_dilatation(influence, horizon, dim):
 @implements(laws.bond_weight, LinearSolidLaw)
 def _bond_weight(law, inv_length):
     """omega beta."""
-    return influence_over_length(law.weighting, inv_length) / inv_length
+    return influence(law.weighting, inv_length)
 
 
 @implements(laws.moment_weight, LinearSolidLaw)
 def _moment_weight(law, inv_length):
     """omega beta r^2."""
-    length = 1.0 / inv_length
-    return influence_over_length(law.weighting, inv_length) * length * length * length
+    return influence_over_length(law.weighting, inv_length) / (inv_length * inv_length * inv_length)
 
 
 @implements(laws.modulus, LinearSolidLaw)
