@@ -1,4 +1,6 @@
-"""Benchmarks of pdhpc: the force kernel against LAMMPS, set-up time and memory, start-up. Called by tools/bench."""
+"""Benchmarks of pdhpc, as ratios of interleaved runs: kernels against LAMMPS, runs against their kernels, ranks, set-up and memory, start-up. See tools/bench."""
+import json
+import os
 import re
 import resource
 import shutil
@@ -10,8 +12,9 @@ import time
 from pathlib import Path
 
 ROUNDS = 5
+SIDE = 46  # particles per side of the cube of the kernels' benchmark: 97,336, with 122 neighbours
 LAMMPS_STEPS = 10
-LAMMPS_INPUT = f"""
+LAMMPS_INPUT = """
 units si
 boundary s s s
 atom_style peri
@@ -22,113 +25,270 @@ variable L equal 46*0.0005-0.00025
 region target block -0.0001 $L -0.0001 $L -0.0001 $L units box
 create_box 1 target
 create_atoms 1 region target
-pair_style peri/pmb
-pair_coeff * * 1.6863e22 0.0015001 0.01 0.25
+{pair}
 set group all density 2200
 set group all volume 1.25e-10
 velocity all set 0 0 0 sum no units box
 fix 1 all nve
 timestep 1.0e-8
 velocity all ramp vx -1.0 1.0 x 0 $L units box
-run {LAMMPS_STEPS}
+velocity all ramp vy -1.0 1.0 y 0 $L units box sum yes
+velocity all ramp vz -1.0 1.0 z 0 $L units box sum yes
+run 2
+run {steps}
 """
-CUBE = """
-dimension = "3d"
+PAIRS = {
+    "pmb": "pair_style peri/pmb\npair_coeff * * 1.6863e22 0.0015001 0.01 0.25",
+    "lps": "pair_style peri/lps\npair_coeff * * 14.9e9 8.94e9 0.0015001 0.01 0.25",
+    "contact": "pair_style peri/pmb\npair_coeff * * 1.6863e22 0.0015001 1e-12 0.0",  # every bond breaks at once: what is left is the contact search
+}
+SCENE = """
+dimension = "{dimension}"
 [particles]
 spacing = 1e-3
 horizon = 3e-3
 volume_correction = "none"
+path = "{path}"
 [[material]]
 name = "glass"
 density = 2200
 youngs_modulus = 70e9
 energy_release_rate = 10
 [[body]]
-name = "cube"
+name = "block"
 material = "glass"
 shape = "box"
-lower = [0.0, 0.0, 0.0]
-upper = [0.1, 0.1, 0.1]
+lower = {lower}
+upper = {upper}
+[[initial]]
+region = "all"
+velocity_gradient = {gradient}
 [time]
-end = 1e-6
+end = {end}
+dt = 1e-9
+[output]
+pictures = false
+frames = 1
+history_every = 1e-7
 """
+FLOPS = {("pmb", 3): 28, ("pmb", 2): 22, ("lps", 3): 55}  # per directed bond: additions and multiplications, a fused one counted twice, rsqrt as 12
+ROOT = Path(__file__).resolve().parents[1]
+
+
+def scene_text(dim, cells, path, steps):
+    """Return a block of `cells` per side that runs `steps` steps, energies every 100 of them."""
+    gradient = [[1.0 if a == b == 0 else 0.0 for b in range(dim)] for a in range(dim)]
+    upper = [count * 1e-3 for count in (cells if isinstance(cells, (list, tuple)) else [cells] * dim)]
+    return SCENE.format(
+        dimension="3d" if dim == 3 else "plane_stress", path=path, lower=[0.0] * dim, upper=upper, gradient=gradient, end=steps * 1e-9
+    )
 
 
 def kernel():
-    """Particle-steps per second of one core, 97,336 particles with 122 neighbours, and the ratio to LAMMPS peri/pmb on the same block."""
-    from pdhpc.kernels.cloud import bond_forces
-    from pdhpc.warm_up import block
-
-    subdomain, law = block(3, 46, 3.0)
-    particles = subdomain.particles
-    particles.displacement[:] = 1e-5 * particles.reference
-    particles.place()
-
-    def ours():
-        started = time.perf_counter()
-        bond_forces(subdomain.points, subdomain.bonds.arrays, law, False, 2, (0, particles.n_owned), particles.force_density, particles.dissipated)
-        return particles.n_owned / (time.perf_counter() - started)
-
+    """Particle-steps per second and core of the force kernels, and their ratios to LAMMPS on the same points."""
     lammps = shutil.which("lmp") or shutil.which("lammps")
-    ours()
-    rates, theirs = [], []
+    rates = {}
     for _ in range(ROUNDS):
-        rates.append(statistics.median(ours() for _ in range(5)))
-        if lammps:
-            theirs.append(_lammps(lammps))
-    print(f"kernel: {statistics.median(rates) / 1e6:.2f} million particle-steps/s and core ({particles.n_owned} particles, 122 neighbours, finite kinematics)")
-    if theirs:
-        ratios = [a / b for a, b in zip(rates, theirs)]
-        print(f"kernel: LAMMPS peri/pmb {statistics.median(theirs) / 1e6:.3f}; ratio of interleaved runs: median {statistics.median(ratios):.1f}, {min(ratios):.1f} to {max(ratios):.1f}")
-    else:
+        for choice in ("vector", "ieee"):
+            for name, rate in _worker(["rates"], {"PDHPC_KERNELS": choice} if choice == "ieee" else {}).items():
+                rates.setdefault(f"{name}{' (sqrt, division)' if choice == 'ieee' else ''}", []).append(rate)
+        for name in PAIRS if lammps else ():
+            rates.setdefault(f"LAMMPS {name}", []).append(_lammps(lammps, name))
+    for name, values in rates.items():
+        print(f"kernel: {name:36s} {statistics.median(values) / 1e6:6.2f} million particle-steps/s and core")
+    if not lammps:
         print("kernel: no LAMMPS here (Debian: apt-get install lammps)")
+        return
+    alone = [1 / (1 / pmb - 1 / contact) for pmb, contact in zip(rates["LAMMPS pmb"], rates["LAMMPS contact"])]
+    print(f"kernel: {'LAMMPS pmb without contact search':36s} {statistics.median(alone) / 1e6:6.2f} million particle-steps/s and core")
+    for name, values in rates.items():
+        if not name.startswith("LAMMPS"):
+            theirs = alone if "pmb" in name else rates["LAMMPS lps"]
+            ratios = [a / b for a, b in zip(values, theirs)]
+            print(f"kernel: {name:36s} {statistics.median(ratios):6.1f} times LAMMPS ({min(ratios):.1f} to {max(ratios):.1f})")
 
 
-def _lammps(program):
+def rates():
+    """Print the rates of all kernels of this process as JSON, and what a particle-step costs."""
+    import numpy as np
+
+    from pdhpc.peridynamics.internal_forces import InternalForces
+    from pdhpc.warm_up import NoGhosts, block
+
+    calls = {}
+    for path in ("lattice", "cloud"):
+        for model in ("pmb", "lps"):
+            subdomain, law = block(3, SIDE, 3.0, False, path, model, "inverse_distance" if model == "lps" else "constant")
+            particles = subdomain.particles
+            particles.put(particles.displacement, 1e-5 * subdomain.places())
+            particles.place()
+            calls[f"{path} {model}"] = InternalForces(subdomain, law, NoGhosts).evaluate
+            calls[f"{path} {model}"]()
+    seconds = {name: [] for name in calls}
+    for _ in range(7):
+        for name, call in calls.items():
+            started = time.perf_counter()
+            call()
+            seconds[name].append(time.perf_counter() - started)
+    print(json.dumps({name: SIDE**3 / float(np.median(values)) for name, values in seconds.items()}))
+
+
+def _worker(words, environment=None, ranks=None):
+    """Return what `bench.py words` prints as JSON, in a process of its own or on some ranks."""
+    environment = {**os.environ, **(environment or {})}
+    command = [sys.executable, __file__, *words]
+    if ranks is not None:
+        from pdhpc.study.verify.launch import launch_command
+
+        command, environment = launch_command(ranks, [sys.executable, "-m", "mpi4py", __file__, *words])
+    done = subprocess.run(command, env=environment, capture_output=True, text=True)
+    if done.returncode:
+        sys.exit(f"tools/bench: {' '.join(words)} failed:\n{done.stderr[-2000:]}")
+    return json.loads(done.stdout.strip().splitlines()[-1])
+
+
+def _lammps(program, pair):
     """Return particle-steps per second of LAMMPS's pair style alone."""
     with tempfile.TemporaryDirectory() as folder:
-        (Path(folder) / "in").write_text(LAMMPS_INPUT)
+        (Path(folder) / "in").write_text(LAMMPS_INPUT.format(pair=PAIRS[pair], steps=LAMMPS_STEPS))
         out = subprocess.run([program, "-in", "in", "-log", "none"], cwd=folder, capture_output=True, text=True, check=True).stdout
-    seconds = float(re.search(r"^Pair\s*\|\s*([0-9.e+-]+)", out, re.M).group(1))
-    return 46**3 * LAMMPS_STEPS / seconds
+    seconds = float(re.findall(r"^Pair\s*\|\s*([0-9.e+-]+)", out, re.M)[-1])  # of the last run
+    return SIDE**3 * LAMMPS_STEPS / seconds
 
 
-def setup():
-    """Seconds and peak bytes per particle to make a million particles and their bonds on 2 ranks, kernels warm."""
-    from pdhpc.study.verify.launch import launch_command
+def run():
+    """The time loop of a run (Verlet, exchange, damage, energies every 100 steps) against its bare kernel, and what limits it."""
+    for dim, cells, path, steps in ((3, SIDE, "lattice", 300), (3, SIDE, "cloud", 300), (2, 300, "lattice", 1000)):
+        results = [_worker(["run-rank", str(dim), str(cells), path, str(steps)]) for _ in range(3)]
+        middle = sorted(results, key=lambda result: result["share"])[1]
+        print(
+            f"run: {dim}D {path}, {middle['particles']:,} particles: {middle['share']:.2f} of the bare kernel ({min(r['share'] for r in results):.2f} to"
+            f" {max(r['share'] for r in results):.2f}); {middle['nanoseconds']:.0f} ns, {middle['flops']:.0f} flops and {middle['bytes']:.0f} bytes a particle-step:"
+            f" {middle['gflops']:.1f} Gflop/s, {middle['gbytes']:.1f} GB/s of the {middle['stream']:.1f} GB/s that a copy reaches: {middle['limit']}-bound"
+        )
 
-    for repeat in range(3):
-        command, environment = launch_command(2, [sys.executable, "-m", "mpi4py", __file__, "setup-rank"])
-        print(subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout.strip())
+
+def run_rank(dim, cells, path, steps):
+    """Time one whole run and its kernel, in turns."""
+    import numpy as np
+
+    from pdhpc.scene.read import parse_scene
+    from pdhpc.simulation import Simulation
+
+    dim, cells, steps = int(dim), int(cells), int(steps)
+    with tempfile.TemporaryDirectory() as folder:
+        simulation = Simulation(parse_scene(scene_text(dim, cells, path, steps), "block"))
+        bare = simulation.stepper.internal
+        for _ in range(3):
+            bare.evaluate()
+        started = time.perf_counter()
+        for _ in range(30):
+            bare.evaluate()
+        seconds = (time.perf_counter() - started) / 30
+        before = sum(simulation.seconds.values())
+        started = time.perf_counter()
+        simulation.run(folder, quiet=True)
+        whole = (time.perf_counter() - started) / steps
+        started = time.perf_counter()
+        for _ in range(30):
+            bare.evaluate()
+        seconds = (seconds + (time.perf_counter() - started) / 30) / 2
+    del before
+    subdomain = simulation.problem.subdomain
+    particles = subdomain.particles.n_owned
+    bonds = subdomain.bonds.n_directed / particles
+    moved = {"lattice": dim * 8 * 12 + 8 * -(-int(subdomain.bonds.family_size.max()) // 64), "cloud": dim * 8 * 12 + 12.125 * bonds}[path]
+    copied = np.zeros(20_000_000)
+    source = np.ones_like(copied)
+    started = time.perf_counter()
+    np.copyto(copied, source)
+    stream = 24 * len(copied) / (time.perf_counter() - started) / 1e9  # read, read for ownership, write
+    gbytes = moved * particles / whole / 1e9
+    flops = FLOPS[("pmb", dim)] * bonds + 6 * dim
+    print(json.dumps({
+        "particles": particles, "share": seconds / whole, "nanoseconds": whole / particles * 1e9, "flops": flops, "bytes": moved,
+        "gflops": flops * particles / whole / 1e9, "gbytes": gbytes, "stream": stream, "limit": "memory" if gbytes > 0.6 * stream else "compute",
+    }))
 
 
-def setup_rank():
-    """One rank of `setup`."""
+def scaling():
+    """Speed-up from 1 to 2 ranks, launches in turns."""
+    for name, dim, cells, path, steps in (
+        ("3D lattice, 1e6 particles", 3, 100, "lattice", 20),
+        ("2D lattice, 1e6 particles", 2, 1000, "lattice", 60),
+        ("3D cloud, 250,047 particles", 3, 63, "cloud", 20),
+    ):
+        ratios = []
+        for _ in range(ROUNDS):
+            one, two = (_worker(["steps", str(dim), str(cells), path, str(steps)], ranks=ranks) for ranks in (1, 2))
+            ratios.append(one["seconds"] / two["seconds"])
+        print(f"scaling: {name}: 1 to 2 ranks {statistics.median(ratios):.2f} times as fast ({min(ratios):.2f} to {max(ratios):.2f}), wait {two['wait']:.1%}")
+
+
+def steps(dim, cells, path, count):
+    """Time some steps on these ranks, after a few to warm up."""
     from mpi4py import MPI
 
     from pdhpc.scene.build import build
     from pdhpc.scene.read import parse_scene
     from pdhpc.warm_up import compile_kernels
 
+    comm, dim, count = MPI.COMM_WORLD, int(dim), int(count)
+    compile_kernels((dim,), (path,), ("pmb",), (False,))
+    stepper = build(parse_scene(scene_text(dim, int(cells), path, 100), "block"), comm).stepper()
+    for _ in range(3):
+        stepper.advance()
+    waited = stepper.seconds["wait"]
+    comm.Barrier()
+    started = time.perf_counter()
+    for _ in range(count):
+        stepper.advance()
+    comm.Barrier()
+    seconds = time.perf_counter() - started
+    if comm.rank == 0:
+        print(json.dumps({"seconds": seconds, "wait": (stepper.seconds["wait"] - waited) / seconds}))
+
+
+def setup():
+    """Seconds to make particles and bonds on 2 ranks, kernels warm, and the most memory a particle takes, two steps and the energies included."""
+    for path, cells in (("cloud", 100), ("lattice", 100), ("lattice", 216)):
+        results = [_worker(["setup-rank", path, str(cells)], ranks=2) for _ in range(3 if cells == 100 else 2)]
+        times = ", ".join(f"{result['seconds']:.1f}" for result in results)
+        print(f"setup: {path}, {results[0]['particles']:,} particles on 2 ranks in {times} s, at most {max(r['bytes'] for r in results):.0f} bytes per particle")
+
+
+def setup_rank(path, cells):
+    """One rank of `setup`."""
+    from mpi4py import MPI
+
+    from pdhpc.observers.energies import Energies
+    from pdhpc.scene.build import build
+    from pdhpc.scene.read import parse_scene
+    from pdhpc.warm_up import compile_kernels
+
     comm = MPI.COMM_WORLD
-    compile_kernels((3,))
+    compile_kernels((3,), (path,), ("pmb",), (False,))
+    build(parse_scene(scene_text(3, 20, path, 100), "block"), comm)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
     comm.Barrier()
     started = time.perf_counter()
-    problem = build(parse_scene(CUBE, "cube", sys.argv[2:]), comm)
+    problem = build(parse_scene(scene_text(3, int(cells), path, 100), "block"), comm)
     seconds = comm.allreduce(time.perf_counter() - started, op=MPI.MAX)
+    stepper = problem.stepper()
+    stepper.advance()
+    stepper.advance()
+    Energies(comm).read(stepper)
     owned = problem.subdomain.particles.n_owned
     peak = comm.allreduce((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 - before) / owned, op=MPI.MAX)
     total = comm.allreduce(owned)
     if comm.rank == 0:
-        print(f"setup: {total:,} particles on {comm.size} ranks in {seconds:.1f} s, at most {peak:.0f} bytes per particle")
+        print(json.dumps({"particles": total, "seconds": seconds, "bytes": peak}))
 
 
 def startup():
     """Seconds of `pdhpc --help` and of a warm `pdhpc check`."""
-    root = Path(__file__).resolve().parents[1]
-    program = root / ".venv" / "bin" / "pdhpc"
-    for words in (["--help"], ["check", str(root / "runs" / "glass_branching.toml")]):
+    program = ROOT / ".venv" / "bin" / "pdhpc"
+    for words in (["--help"], ["check", str(ROOT / "runs" / "glass_branching.toml")]):
         seconds = []
         for _ in range(ROUNDS + 1):
             started = time.perf_counter()
@@ -137,11 +297,12 @@ def startup():
         print(f"startup: pdhpc {' '.join(words[:1])}: median {statistics.median(seconds[1:]):.2f} s")
 
 
-PARTS = {"kernel": kernel, "setup": setup, "startup": startup}
+PARTS = {"kernel": kernel, "run": run, "scaling": scaling, "setup": setup, "startup": startup}
+WORKERS = {"rates": rates, "run-rank": run_rank, "steps": steps, "setup-rank": setup_rank}
 
 if __name__ == "__main__":
-    if sys.argv[1:2] == ["setup-rank"]:
-        setup_rank()
+    if sys.argv[1:2] and sys.argv[1] in WORKERS:
+        WORKERS[sys.argv[1]](*sys.argv[2:])
     else:
         for part in sys.argv[1:] or PARTS:
             if part not in PARTS:

@@ -17,7 +17,7 @@ from pdhpc.kernels.simd import (
 )
 from pdhpc.materials.bond_based import BondBasedLaw
 from pdhpc.kernels.reference import frequency_of
-from pdhpc.materials.law import pull, stiffness
+from pdhpc.materials.law import moduli, stiffness
 from pdhpc.materials.state_based import LinearSolidLaw
 
 WORD = 64
@@ -28,7 +28,8 @@ class LatticeArrays(NamedTuple):
     """The stencil of a lattice and the states of its bonds.
 
     offset (n,) int64, slots from a particle to its neighbours; vector (n, dim), m, xi; length, inv_length (n,), |xi|, m, and its inverse;
-    weight (n_block + 1, n): bond_weight times the volume of a cell, times the modulus of bonds within each block (laws that have one), and last alone;
+    weight, weight_length (n_block + 1, n): bond_weight times the volume of a cell, times the modulus of bonds within each block (laws that have one), and last alone; and
+    the same times |xi|;
     moment_weight (n,), of materials/law.py, times the volume; trigger (n_block + 1, n): y^2 (finite) or xi . eta (linear), m^2, from which on a bond of a
     block, or last of any, may be beyond its limit (a little early: what decides is family.bond_strain); alive (n_words, n_slots) uint64: bit k & 63 of word k >> 6 of a slot is bond k; kind (n_slots / 8,) uint8: the
     block (of material and failure rule) of all particles of a block of eight and their neighbours, or MIXED;
@@ -40,6 +41,7 @@ class LatticeArrays(NamedTuple):
     length: np.ndarray
     inv_length: np.ndarray
     weight: np.ndarray
+    weight_length: np.ndarray
     moment_weight: np.ndarray
     trigger: np.ndarray
     alive: np.ndarray
@@ -140,13 +142,12 @@ def _block_force(bonds, i, points, law, state, linear, third, force_density, nea
             along2, dx, dy, dz = _vectors(bonds, position, j, k, px, py, pz, linear, third)
             live = has_bit(states, k - WORD * word)
             beyond = either(beyond, both(live, along2 > at(bonds.trigger, row * count + k)))
+            c, p = bond_moduli(near, law, points, state, i, j)
             if linear is not None:
-                shrink, stretch = splat(1.0), along2 * (at(bonds.inv_length, k) * at(bonds.inv_length, k))
-            else:
-                inverse = rsqrt8(along2)
-                shrink, stretch = at(bonds.length, k) * inverse, fnma(splat(at(bonds.length, k)), inverse, splat(1.0))
-            ends = bond_ends(near, points, state, i, j)
-            tension = select(live, pull(law, ends[0], ends[1], at(bonds.weight, row * count + k), stretch, shrink), splat(0.0))
+                tension = at(bonds.weight, row * count + k) * fma(as_vector(c), along2 * (at(bonds.inv_length, k) * at(bonds.inv_length, k)), as_vector(p))
+            else:  # weight (C (1 - |xi|/|y|) + P |xi|/|y|)
+                tension = fnma(as_vector(at(bonds.weight_length, row * count + k) * (c - p)), rsqrt8(along2), as_vector(at(bonds.weight, row * count + k) * c))
+            tension = select(live, tension, splat(0.0))
             fx, fy = fma(tension, dx, fx), fma(tension, dy, fy)
             if third is not None:
                 fz = fma(tension, dz, fz)
@@ -215,7 +216,7 @@ def _frequency_row(bonds, i, points, law, state, third):
         for k in range(WORD * word, min(count, WORD * word + WORD)):
             ends = bond_ends(near, points, state, i, i + at(bonds.offset, k))
             x, y, z = bonds.vector[k, 0], bonds.vector[k, 1], 0.0 if third is None else bonds.vector[k, 2]
-            part = select(has_bit(states, k - WORD * word), as_vector(stiffness(law, kind, ends[0], ends[1])), splat(0.0))
+            part = select(has_bit(states, k - WORD * word), as_vector(stiffness(law, kind, c)), splat(0.0))
             part = part * (bonds.weight[kind, k] * at(bonds.inv_length, k) * at(bonds.inv_length, k))
             xx, yy, zz = fma(part, splat(x * x), xx), fma(part, splat(y * y), yy), fma(part, splat(z * z), zz)
             xy, xz, yz = fma(part, splat(x * y), xy), fma(part, splat(x * z), xz), fma(part, splat(y * z), yz)
@@ -251,8 +252,8 @@ def mixed_ends(law, state, i):
     """Return what the law needs of eight particles which, with their neighbours, are of several blocks."""
 
 
-def bond_ends(near, points, state, i, j):
-    """Return (near, far) of the law's `pull` for one bond of eight particles; j is the slot of the first's neighbour."""
+def bond_moduli(near, law, points, state, i, j):
+    """Return the law's `moduli` for one bond of eight particles; j is the slot of the first's neighbour. The weights may hold some."""
 
 
 @implements(uniform_ends, BondBasedLaw)
@@ -275,16 +276,16 @@ def _mixed_states(law, state, i):
     return States(load8(state, i), load8(state, len(state) + i))
 
 
-@implements(bond_ends, Weighted)
-def _ends_weighted(near, points, state, i, j):
+@implements(bond_moduli, Weighted)
+def _moduli_weighted(near, law, points, state, i, j):
     return 1.0, 0.0
 
 
-@implements(bond_ends, TableOfModuli)
-def _ends_of_table(near, points, state, i, j):
-    return lookup8(near.micromodulus, points.block, i, points.block, j), 0.0
+@implements(bond_moduli, TableOfModuli)
+def _moduli_of_table(near, law, points, state, i, j):
+    return moduli(law, lookup8(near.micromodulus, points.block, i, points.block, j), 0.0)
 
 
-@implements(bond_ends, States)
-def _ends_of_states(near, points, state, i, j):
-    return (near.a, near.p), (load8(state, j), load8(state, len(state) + j))
+@implements(bond_moduli, States)
+def _moduli_of_states(near, law, points, state, i, j):
+    return moduli(law, (near.a, near.p), (load8(state, j), load8(state, len(state) + j)))

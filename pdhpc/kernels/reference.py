@@ -7,7 +7,7 @@ from pdhpc.jit import inlined, sweep
 from pdhpc.kernels.family import (
     bond_strain, break_bond, end_of_bonds, first_bond, inverse_length, is_alive, neighbour, reference_vector, row_width, share, stretch_of,
 )
-from pdhpc.materials.law import bond_energy, bond_weight, far_end, moment_weight, near_end, pull, released_stretch, stiffness, volume_energy
+from pdhpc.materials.law import bond_energy, bond_weight, far_end, moduli, moment_weight, near_end, pull, released_stretch, stiffness, volume_energy
 
 
 @sweep
@@ -83,8 +83,8 @@ def frequency_of(bonds, i, points, law, state, third):
             continue
         j, inv_l = neighbour(bonds, i, k), inverse_length(bonds, i, k)
         x, y, z = reference_vector(bonds, points, i, j, k, third)
-        modulus = stiffness(law, block, near_end(law, points, state, i, j), far_end(law, state, j))
-        part = modulus * bond_weight(law, inv_l) * share(bonds, i, k) * points.volume[j] * inv_l * inv_l
+        c, _ = moduli(law, near_end(law, points, state, i, j), far_end(law, state, j))
+        part = stiffness(law, block, c) * bond_weight(law, inv_l) * share(bonds, i, k) * points.volume[j] * inv_l * inv_l
         xx, yy, zz = xx + part * x * x, yy + part * y * y, zz + part * z * z
         xy, xz, yz = xy + part * x * y, xz + part * x * z, yz + part * y * z
     largest = max(xx + abs(xy) + abs(xz), max(yy + abs(xy) + abs(yz), zz + abs(xz) + abs(yz)))

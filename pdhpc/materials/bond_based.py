@@ -114,16 +114,16 @@ def _far_end(law, state, j):
     return 0.0
 
 
-@implements(laws.pull, BondBasedLaw)
-def _pull(law, near, far, weight, stretch, shrink):
-    """c omega beta s / r, along the deformed bond times |xi|/|y|."""
-    return near * weight * stretch
+@implements(laws.moduli, BondBasedLaw)
+def _moduli(law, near, far):
+    """c and 0: the pull is c omega beta s / r, along the deformed bond times |xi|/|y|."""
+    return near, 0.0
 
 
 @implements(laws.stiffness, BondBasedLaw)
-def _stiffness(law, block, near, far):
-    """The micromodulus."""
-    return near
+def _stiffness(law, block, c):
+    """C itself."""
+    return c
 
 
 @implements(laws.bond_energy, BondBasedLaw)

@@ -113,12 +113,19 @@ def far_end(law, state, j):
     """Return what `pull` needs of the neighbour j."""
 
 
+def moduli(law, near, far):
+    """Return (C, P) of a bond: what it pulls with per unit of stretch, and unstretched; see `pull`."""
+
+
+@inlined
 def pull(law, near, far, weight, stretch, shrink):
-    """Return the pull of a bond, N/m^7; see the top of this module."""
+    """Return weight (C stretch + P shrink), the pull of a bond, N/m^7; see the top of this module."""
+    c, p = moduli(law, near, far)
+    return weight * (c * stretch + p * shrink)
 
 
-def stiffness(law, block, near, far):
-    """Return C such that no motion stores more energy than bonds of micropotential C weight s^2 |xi|^2 / 2 would: what bounds the critical step."""
+def stiffness(law, block, c):
+    """Return what to replace C by so that no motion stores more energy than bonds of micropotential C weight s^2 |xi|^2 / 2 would."""
 
 
 def bond_energy(law, near, weight, stretch, inv_length):

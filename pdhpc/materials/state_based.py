@@ -145,16 +145,16 @@ def _far_end(law, state, j):
     return state[j, 0], state[j, 1]
 
 
-@implements(laws.pull, LinearSolidLaw)
-def _pull(law, near, far, weight, stretch, shrink):
-    """omega beta ((a_i + a_j) e + (p_i + p_j) x)/x, along the deformed bond times |xi|/|y|."""
-    return weight * ((near[0] + far[0]) * stretch + (near[1] + far[1]) * shrink)
+@implements(laws.moduli, LinearSolidLaw)
+def _moduli(law, near, far):
+    """a_i + a_j and p_i + p_j: the pull is omega beta ((a_i + a_j) e + (p_i + p_j) x)/x, along the deformed bond times |xi|/|y|."""
+    return near[0] + far[0], near[1] + far[1]
 
 
 @implements(laws.stiffness, LinearSolidLaw)
-def _stiffness(law, block, near, far):
+def _stiffness(law, block, c):
     """(a_i + a_j) max(1, d k/((d+2) G)): with theta^2 <= d^2/m sum omega e^2 V the spherical part is at most that much more of the bonds' energy."""
-    return (near[0] + far[0]) * law.bound[block]
+    return c * law.bound[block]
 
 
 @implements(laws.bond_energy, LinearSolidLaw)

@@ -6,6 +6,8 @@ import traceback
 
 import numpy as np
 
+from pdhpc.jit import kernel
+
 
 def world():
     """Return MPI.COMM_WORLD; an uncaught exception on one rank then ends the whole job. Local."""
@@ -85,22 +87,39 @@ def exact_sum(comm, values):
     float; NaN when any value on any rank is not finite.
     """
     values = np.ascontiguousarray(values, dtype=float).ravel()
-    largest = float(np.max(np.abs(values))) if values.size else 0.0
-    count, largest_anywhere, finite = comm.allreduce(np.array([values.size, 0.0]))[0], 0.0, True
-    largest_anywhere = comm.allreduce(largest if math.isfinite(largest) else math.inf, op=_op("MAX"))
-    finite = math.isfinite(largest_anywhere)
-    if not finite:
+    count = comm.allreduce(values.size)
+    largest = comm.allreduce(_largest_magnitude(values), op=_op("MAX"))
+    if not math.isfinite(largest):
         return math.nan
-    if largest_anywhere == 0.0:
+    if largest == 0.0:
         return 0.0
     bits = 61 - max(1, math.ceil(math.log2(count + 1)))
-    exponent = math.frexp(largest_anywhere)[1]
-    coarse = np.rint(np.ldexp(values, bits - exponent))
-    rest = values - np.ldexp(coarse, exponent - bits)
-    fine = np.rint(np.ldexp(rest, 2 * bits - exponent))
-    parts = np.array([coarse.astype(np.int64).sum(), fine.astype(np.int64).sum()], dtype=np.int64)
-    total = comm.allreduce(parts)
+    exponent = math.frexp(largest)[1]
+    total = comm.allreduce(np.array(_integer_sums(values, bits, exponent), dtype=np.int64))
     return _scaled((int(total[0]) << bits) + int(total[1]), exponent - 2 * bits)
+
+
+@kernel
+def _largest_magnitude(values):
+    """Return max |values|, infinity when one is not finite, 0 without any."""
+    largest, finite = 0.0, True
+    for n in range(len(values)):
+        magnitude = abs(values[n])
+        finite = finite and magnitude < np.inf
+        largest = max(largest, magnitude)
+    return largest if finite else np.inf
+
+
+@kernel
+def _integer_sums(values, bits, exponent):
+    """Return the sums of the values as whole multiples of 2^(exponent - bits) and of what is left of each as multiples of 2^(exponent - 2 bits)."""
+    coarse_sum, fine_sum = np.int64(0), np.int64(0)
+    for n in range(len(values)):
+        coarse = np.rint(math.ldexp(values[n], bits - exponent))
+        fine = np.rint(math.ldexp(values[n] - math.ldexp(coarse, exponent - bits), 2 * bits - exponent))
+        coarse_sum += np.int64(coarse)
+        fine_sum += np.int64(fine)
+    return coarse_sum, fine_sum
 
 
 def _scaled(integer, exponent):

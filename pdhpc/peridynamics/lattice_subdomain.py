@@ -167,7 +167,7 @@ def _make_bonds(grid, stencil, block, rows, law, cell_volume):
     near_edge = _spread(grid, (block == MIXED).view(np.uint8))
     _set_bits(offset, block, near_edge, rows.start, rows.width, alive)
     kind = np.full(grid.n_slots // LANES, MIXED, np.uint8)
-    return LatticeArrays(offset, vector, length, 1.0 / length, weight, moments, trigger, alive, kind, grid.step, grid.cells, grid.coordinate)
+    return LatticeArrays(offset, vector, length, 1.0 / length, weight, weight * length, moments, trigger, alive, kind, grid.step, grid.cells, grid.coordinate)
 
 
 @kernel
