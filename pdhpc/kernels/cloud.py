@@ -119,6 +119,11 @@ def _dilatation_row(bonds, i, points, law, state, linear, third):
     return any_of(beyond)
 
 
+@implements(family.energy_row, BondArrays)
+def _energy_row(bonds, i, points, law, state, linear, third, energy):
+    reference.energy_of(bonds, i, points, law, state, linear, third, energy)
+
+
 @implements(family.frequency_row, BondArrays)
 def _frequency_row(bonds, i, points, law, state, third):
     return reference.frequency_of(bonds, i, points, law, state, third)

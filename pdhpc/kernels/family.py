@@ -78,6 +78,10 @@ def dilatation_row(bonds, i, points, law, state, linear, third):
     """Set p (state[:, 1]) of the particle, or of the eight particles, from slot i on; return whether an alive bond exceeds its limit."""
 
 
+def energy_row(bonds, i, points, law, state, linear, third, energy):
+    """Store the energy density of the particle, or of the eight particles, from slot i on; see sweeps.strain_energy_density."""
+
+
 def frequency_row(bonds, i, points, law, state, third):
     """Return |A|/rho, 1/s^2, of the particle, the largest of the eight particles, from slot i on; see sweeps.largest_frequency2."""
 

@@ -16,8 +16,8 @@ from pdhpc.kernels.simd import (
     words8,
 )
 from pdhpc.materials.bond_based import BondBasedLaw
-from pdhpc.kernels.reference import frequency_of
-from pdhpc.materials.law import moduli, stiffness
+from pdhpc.kernels.reference import energy_of, frequency_of
+from pdhpc.materials.law import bond_energy, moduli, stiffness, volume_energy
 from pdhpc.materials.state_based import LinearSolidLaw
 
 WORD = 64
@@ -172,11 +172,8 @@ def _dilatation_row(bonds, i, points, law, state, linear, third):
             along2, dx, dy, dz = _vectors(bonds, position, i + at(bonds.offset, k), k, px, py, pz, linear, third)
             live = has_bit(states, k - WORD * word)
             beyond = either(beyond, both(live, along2 > at(bonds.trigger, row * count + k)))
-            if linear is not None:
-                s = along2 * (at(bonds.inv_length, k) * at(bonds.inv_length, k))
-            else:
-                s = fma(root8(along2), splat(at(bonds.inv_length, k)), splat(-1.0))
-            total = fma(select(live, s, splat(0.0)), splat(at(bonds.moment_weight, k)), total)
+            s = select(live, _stretches(bonds, k, along2, linear), splat(0.0))
+            total = fma(s, splat(at(bonds.moment_weight, k)), total)
     a = load8(state, i)
     if kind == MIXED:
         store8(state, n + i, a * a * total)
@@ -202,6 +199,36 @@ def _vectors(bonds, position, j, k, px, py, pz, linear, third):
     return fma(dx, ex, dy * ey) if third is None else fma(dx, ex, fma(dy, ey, dz * ez)), dx, dy, dz
 
 
+@implements(family.energy_row, LatticeArrays)
+def _energy_row(bonds, i, points, law, state, linear, third, energy):
+    kind = bonds.kind[i >> 3]
+    if kind == MIXED:
+        for lane in range(LANES):
+            energy_of(bonds, i + lane, points, law, state, linear, third, energy)
+        return
+    position, n, count = points.position, len(points.position), len(bonds.offset)
+    px, py = load8(position, i), load8(position, n + i)
+    pz = splat(0.0) if third is None else load8(position, 2 * n + i)
+    total, extended = splat(0.0), splat(0.0)
+    for word in range(bonds.alive.shape[0]):
+        states = words8(bonds.alive, word * n + i)
+        for k in range(WORD * word, min(count, WORD * word + WORD)):
+            along2, dx, dy, dz = _vectors(bonds, position, i + at(bonds.offset, k), k, px, py, pz, linear, third)
+            s = _stretches(bonds, k, along2, linear)
+            moment = select(has_bit(states, k - WORD * word), splat(at(bonds.moment_weight, k)), splat(0.0))
+            total, extended = fma(moment * s, s, total), fma(moment, s, extended)
+    near = near_block(law, state, i, kind)
+    store8(energy, i, bond_energy(law, near, total, 1.0) + volume_energy(law, kind, near, extended))
+
+
+@inlined
+def _stretches(bonds, k, along2, linear):
+    """Return s of bond k of eight particles from what _vectors says first."""
+    if linear is not None:
+        return along2 * (at(bonds.inv_length, k) * at(bonds.inv_length, k))
+    return fma(root8(along2), splat(at(bonds.inv_length, k)), splat(-1.0))
+
+
 @implements(family.frequency_row, LatticeArrays)
 def _frequency_row(bonds, i, points, law, state, third):
     kind, largest = bonds.kind[i >> 3], 0.0
@@ -214,7 +241,7 @@ def _frequency_row(bonds, i, points, law, state, third):
     for word in range(bonds.alive.shape[0]):
         states = words8(bonds.alive, word * n + i)
         for k in range(WORD * word, min(count, WORD * word + WORD)):
-            ends = bond_ends(near, points, state, i, i + at(bonds.offset, k))
+            c, p = bond_moduli(near, law, points, state, i, i + at(bonds.offset, k))
             x, y, z = bonds.vector[k, 0], bonds.vector[k, 1], 0.0 if third is None else bonds.vector[k, 2]
             part = select(has_bit(states, k - WORD * word), as_vector(stiffness(law, kind, c)), splat(0.0))
             part = part * (bonds.weight[kind, k] * at(bonds.inv_length, k) * at(bonds.inv_length, k))
@@ -254,6 +281,20 @@ def mixed_ends(law, state, i):
 
 def bond_moduli(near, law, points, state, i, j):
     """Return the law's `moduli` for one bond of eight particles; j is the slot of the first's neighbour. The weights may hold some."""
+
+
+def near_block(law, state, i, kind):
+    """Return the law's near ends of eight particles of block `kind`."""
+
+
+@implements(near_block, BondBasedLaw)
+def _near_block_bond_based(law, state, i, kind):
+    return law.micromodulus[kind, kind]
+
+
+@implements(near_block, LinearSolidLaw)
+def _near_block_linear_solid(law, state, i, kind):
+    return load8(state, i), load8(state, len(state) + i)
 
 
 @implements(uniform_ends, BondBasedLaw)

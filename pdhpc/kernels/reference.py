@@ -74,6 +74,23 @@ def dilatation_of(bonds, i, points, law, state, linear, third):
 
 
 @inlined
+def energy_of(bonds, i, points, law, state, linear, third, energy):
+    """Store W_i, J/m^3, in energy (n_slots,): i's part of its bonds' energies, and what its dilatation adds."""
+    total, extended = 0.0, 0.0
+    for k in range(first_bond(bonds, i), end_of_bonds(bonds, i)):
+        if is_alive(bonds, i, k):
+            j = neighbour(bonds, i, k)
+            measure, _, _, _, _, _ = bond_strain(bonds, points, i, j, k, linear, third)
+            s, moment = stretch_of(measure, linear), moment_weight(law, inverse_length(bonds, i, k)) * share(bonds, i, k) * points.volume[j]
+            total += bond_energy(law, near_end(law, points, state, i, j), moment, s)
+            extended += moment * s
+    block = points.block[i]
+    if block < len(law.density):
+        total += volume_energy(law, block, near_end(law, points, state, i, i), extended)
+    energy[i] = total
+
+
+@inlined
 def frequency_of(bonds, i, points, law, state, third):
     """Return |A_i|/rho_i, 1/s^2, with |.| the largest absolute row sum; see sweeps.largest_frequency2."""
     xx, yy, zz, xy, xz, yz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -106,17 +123,18 @@ def break_row(bonds, i, points, law, state, linear, third, dissipated):
         j = neighbour(bonds, i, k)
         measure, _, _, _, _, _ = bond_strain(bonds, points, i, j, k, linear, third)
         s, inv_l = stretch_of(measure, linear), inverse_length(bonds, i, k)
-        weight = bond_weight(law, inv_l) * share(bonds, i, k)
-        part = moment_weight(law, inv_l) * share(bonds, i, k) * s * points.volume[j]
+        moment = moment_weight(law, inv_l) * share(bonds, i, k)
+        part = moment * s * points.volume[j]
         before += part
         if measure > law.break_at[block, points.block[j]]:
             break_bond(bonds, i, k)
             at = released_stretch(law, s, law.critical_stretch[block, points.block[j]])
-            released += bond_energy(law, near_end(law, points, state, i, j), weight, at, inv_l) * points.volume[j]
+            released += bond_energy(law, near_end(law, points, state, i, j), moment, at) * points.volume[j]
             broken += 1
         else:
             after += part
     if broken:
-        released += volume_energy(law, points, state, i, before) - volume_energy(law, points, state, i, after)
+        near = near_end(law, points, state, i, i)
+        released += volume_energy(law, block, near, before) - volume_energy(law, block, near, after)
         dissipated[i] += points.volume[i] * released
     return broken

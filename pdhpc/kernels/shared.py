@@ -12,7 +12,7 @@ from pdhpc.jit import implements, kernel
 from pdhpc.kernels import family
 from pdhpc.kernels.cloud import BondArrays
 from pdhpc.kernels.lattice import LatticeArrays
-from pdhpc.kernels.reference import dilatation_of, force_on, frequency_of
+from pdhpc.kernels.reference import dilatation_of, energy_of, force_on, frequency_of
 
 
 class CloudShares(NamedTuple):
@@ -109,6 +109,10 @@ def _delegate(record):
     @implements(family.dilatation_row, record)
     def _dilatation_row(bonds, i, points, law, state, linear, third):
         return dilatation_of(bonds, i, points, law, state, linear, third)
+
+    @implements(family.energy_row, record)
+    def _energy_row(bonds, i, points, law, state, linear, third, energy):
+        energy_of(bonds, i, points, law, state, linear, third, energy)
 
     @implements(family.frequency_row, record)
     def _frequency_row(bonds, i, points, law, state, third):

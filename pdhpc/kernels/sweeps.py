@@ -5,12 +5,12 @@ Forces, with V_j the neighbour's volume (Silling & Askari 2005; Silling et al. 2
 from pdhpc.jit import sweep
 from pdhpc.kernels import cloud, lattice, reference, shared  # noqa: F401  (they fill the functions of family.py in)
 from pdhpc.kernels.family import (
-    bond_strain, dilatation_row, end_of_bonds, first_bond, force_row, frequency_row, inverse_length, is_alive, neighbour, place, reference_vector, row_width, share,
-    stretch_of,
+    bond_strain, dilatation_row, end_of_bonds, energy_row, first_bond, force_row, frequency_row, inverse_length, is_alive, neighbour, place,
+    reference_vector, row_width, share,
 )
 from pdhpc.kernels.reference import break_row
 from pdhpc.kernels.simd import chosen
-from pdhpc.materials.law import bond_energy, bond_weight, far_end, moment_weight, near_end, pull, volume_energy
+from pdhpc.materials.law import bond_weight, far_end, moment_weight, near_end, pull
 
 
 @sweep
@@ -89,18 +89,10 @@ def _break(first, bonds, points, law, state, linear, third, dissipated):
 
 
 @sweep
-def strain_energy_density(bonds, points, law, state, linear, third, slots, energy):
-    """Store W_i, J/m^3, of the particles in `slots` (n,) in energy (n,): i's part of its bonds' energies, and what its dilatation adds."""
-    for n in range(len(slots)):
-        i, total, extended = slots[n], 0.0, 0.0
-        for k in range(first_bond(bonds, i), end_of_bonds(bonds, i)):
-            if is_alive(bonds, i, k):
-                j, inv_l = neighbour(bonds, i, k), inverse_length(bonds, i, k)
-                measure, _, _, _, _, _ = bond_strain(bonds, points, i, j, k, linear, third)
-                s, weight = stretch_of(measure, linear), bond_weight(law, inv_l) * share(bonds, i, k)
-                total += bond_energy(law, near_end(law, points, state, i, j), weight, s, inv_l) * points.volume[j]
-                extended += moment_weight(law, inv_l) * share(bonds, i, k) * s * points.volume[j]
-        energy[n] = total + volume_energy(law, points, state, i, extended)
+def strain_energy_density(bonds, points, law, state, linear, third, rows, energy):
+    """Store W_i, J/m^3, of the particles in `rows` (as of bond_forces) in energy (n_slots,): i's part of its bonds' energies, and what its dilatation adds."""
+    for t in range(len(rows)):
+        energy_row(bonds, rows[t], points, law, state, linear, third, energy)
 
 
 @sweep

@@ -127,15 +127,15 @@ def _stiffness(law, block, c):
 
 
 @implements(laws.bond_energy, BondBasedLaw)
-def _bond_energy(law, near, weight, stretch, inv_length):
+def _bond_energy(law, near, moment, s):
     """Half of the micropotential c omega beta s^2 r / 2."""
-    return 0.25 * near * weight * stretch * stretch / (inv_length * inv_length)
+    return 0.25 * near * (moment * s * s)
 
 
 @implements(laws.volume_energy, BondBasedLaw)
-def _volume_energy(law, points, state, i, total):
+def _volume_energy(law, block, near, total):
     """None."""
-    return 0.0
+    return 0.0 * total
 
 
 @implements(laws.released_stretch, BondBasedLaw)

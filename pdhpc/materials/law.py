@@ -128,12 +128,12 @@ def stiffness(law, block, c):
     """Return what to replace C by so that no motion stores more energy than bonds of micropotential C weight s^2 |xi|^2 / 2 would."""
 
 
-def bond_energy(law, near, weight, stretch, inv_length):
-    """Return particle i's part of a bond's energy density, J/m^6; `stretch` is s."""
+def bond_energy(law, near, moment, s):
+    """Return particle i's part of a bond's energy density, J/m^6; moment: its moment_weight."""
 
 
-def volume_energy(law, points, state, i, total):
-    """Return the energy density of particle i beside that of its bonds, J/m^3; total = sum_j moment_weight s V_j."""
+def volume_energy(law, block, near, total):
+    """Return the energy density of a particle beside that of its bonds, J/m^3; total = sum_j moment_weight s V_j."""
 
 
 def released_stretch(law, stretch, limit):

@@ -158,16 +158,16 @@ def _stiffness(law, block, c):
 
 
 @implements(laws.bond_energy, LinearSolidLaw)
-def _bond_energy(law, near, weight, stretch, inv_length):
+def _bond_energy(law, near, moment, s):
     """a_i omega beta e^2 / 2."""
-    return 0.5 * near[0] * weight * stretch * stretch / (inv_length * inv_length)
+    return 0.5 * near[0] * (moment * s * s)
 
 
 @implements(laws.volume_energy, LinearSolidLaw)
-def _volume_energy(law, points, state, i, total):
+def _volume_energy(law, block, near, total):
     """(k - (d + 2) G/d) theta^2 / 2, theta = d/m total."""
-    strained = state[i, 0] * total
-    return 0.5 * law.spherical[points.block[i]] * strained * strained
+    strained = near[0] * total
+    return 0.5 * law.spherical[block] * strained * strained
 
 
 @implements(laws.released_stretch, LinearSolidLaw)

@@ -31,9 +31,10 @@ def _precrack(subdomain, law):
 
 def strain_energy_density(subdomain, law):
     """Return (n_owned,) J/m^3, stored in intact bonds."""
-    energy = np.empty(subdomain.particles.n_owned)
-    sweeps.strain_energy_density(*_swept(subdomain, law), energy)
-    return energy
+    energy = np.empty(len(subdomain.particles.dissipated))
+    for rows in subdomain.rows:
+        sweeps.strain_energy_density(*_swept(subdomain, law)[:-1], rows, energy)
+    return subdomain.particles.owned(energy)
 
 
 def _swept(subdomain, law):
