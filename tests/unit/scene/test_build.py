@@ -5,63 +5,73 @@ from pdhpc.scene.build import build, choose_step, make_gauges
 from pdhpc.scene.read import parse_scene
 from pdhpc.scene.schema import SceneError
 from pdhpc.study.verify.case import plate, problem_of
+from pdhpc.warm_up import PATHS
 
 
 def region(name, lower, upper):
     return f'[[region]]\nname = "{name}"\nshape = "box"\nlower = {lower}\nupper = {upper}\n'
 
 
-def test_a_hole_removes_particles():
+@pytest.mark.parametrize("path", PATHS)
+def test_a_hole_removes_particles(path):
     extra = '[[body.hole]]\nshape = "disk"\ncenter = [0.0, 0.0]\nradius = 3.0\n'
     text = plate((20, 10)).replace("[time]", extra + "[time]")
-    particles = problem_of(text).subdomain.particles
-    assert np.linalg.norm(particles.reference, axis=1).min() > 3.0 and 150 < particles.n_owned < 200
+    subdomain = problem_of(text, [f"particles.path={path}"]).subdomain
+    assert np.linalg.norm(subdomain.places(), axis=1).min() > 3.0 and 150 < subdomain.particles.n_owned < 200
 
 
 @pytest.mark.parametrize("depth", [1, 3])
-def test_traction_gives_the_force_of_its_face(depth):
+@pytest.mark.parametrize("path", PATHS)
+def test_traction_gives_the_force_of_its_face(depth, path):
     """A region of any depth: total force = traction x length x thickness."""
     extra = region("top", [-10.0, 5.0 - depth], [10.0, 5.0]) + '[[load]]\ntype = "traction"\nregion = "top"\nface = "+y"\nvalue = [0.5, 2.0]\n'
-    problem = problem_of(plate((20, 10), extra=extra))
-    stepper = problem.stepper()
-    total = (stepper.subdomain.particles.force_density * stepper.subdomain.particles.volume[:, None]).sum(axis=0)
+    problem = problem_of(plate((20, 10), extra=extra), [f"particles.path={path}"])
+    particles = problem.stepper().subdomain.particles
+    total = particles.owned(particles.force_density * particles.volume[:, None]).sum(axis=0)
     assert total == pytest.approx([0.5 * 20, 2.0 * 20])
 
 
-def test_traction_on_the_face_of_a_cube():
+@pytest.mark.parametrize("path", PATHS)
+def test_traction_on_the_face_of_a_cube(path):
     extra = '[[region]]\nname = "r"\nshape = "half_space"\npoint = [2.0, 0.0, 0.0]\nnormal = [1.0, 0.0, 0.0]\n[[load]]\ntype = "traction"\nregion = "r"\nface = "+x"\nvalue = [3.0, 0.0, 0.0]\n'
-    problem = problem_of(plate((8, 6, 5), extra=extra, dimension="3d"))
-    force = problem.stepper().subdomain.particles.force_density
-    assert force.sum(axis=0) == pytest.approx([3.0 * 6 * 5, 0.0, 0.0])
+    problem = problem_of(plate((8, 6, 5), extra=extra, dimension="3d"), [f"particles.path={path}"])
+    particles = problem.stepper().subdomain.particles
+    assert particles.owned(particles.force_density).sum(axis=0) == pytest.approx([3.0 * 6 * 5, 0.0, 0.0])
 
 
-def test_gravity_and_force_density():
+@pytest.mark.parametrize("path", PATHS)
+def test_gravity_and_force_density(path):
     extra = '[[load]]\ntype = "gravity"\nvalue = [0.0, -9.81]\n[[load]]\ntype = "force_density"\nregion = "all"\nvalue = [1.5, 0.0]\n'
-    problem = problem_of(plate((6, 4), extra=extra).replace("density = 1.0\n", "density = 2.0\n"))
-    assert np.allclose(problem.stepper().subdomain.particles.force_density, [1.5, -2.0 * 9.81])
+    problem = problem_of(plate((6, 4), extra=extra).replace("density = 1.0\n", "density = 2.0\n"), [f"particles.path={path}"])
+    particles = problem.stepper().subdomain.particles
+    assert np.allclose(particles.owned(particles.force_density), [1.5, -2.0 * 9.81])
 
 
-def test_no_fail_regions_hold_whatever_happens():
+@pytest.mark.parametrize("path", PATHS)
+def test_no_fail_regions_hold_whatever_happens(path):
     extra = region("held", [-10.0, -5.0], [0.0, 5.0]) + '[damage]\nno_fail = ["held"]\n[[initial]]\ndisplacement_gradient = [[0.5, 0.0], [0.0, 0.5]]\n'
-    problem = problem_of(plate((20, 10), extra=extra, material="critical_stretch = 0.1", kinematics="finite"))
+    problem = problem_of(plate((20, 10), extra=extra, material="critical_stretch = 0.1", kinematics="finite"), [f"particles.path={path}"])
     stepper = problem.stepper()
-    x, damage = stepper.subdomain.particles.reference[:, 0], stepper.subdomain.bonds.damage()
+    x, damage = stepper.subdomain.places()[:, 0], stepper.subdomain.bonds.damage()
     assert stepper.broken > 0 and np.all(damage[x < 0] == 0.0) and np.all(damage[x > 4] == 1.0)
 
 
-def test_regions_can_be_tied_to_a_body():
+@pytest.mark.parametrize("path", PATHS)
+def test_regions_can_be_tied_to_a_body(path):
     second = '[[body]]\nname = "right"\nmaterial = "solid"\nshape = "box"\nlower = [5.0, -5.0]\nupper = [9.0, 5.0]\n'
     extra = second + region("part", [0.0, -5.0], [9.0, 5.0]) + 'body = "right"\n[[load]]\ntype = "force_density"\nregion = "part"\nvalue = [1.0, 0.0]\n'
-    problem = problem_of(plate((10, 10), extra=extra))
+    problem = problem_of(plate((10, 10), extra=extra), [f"particles.path={path}"])
     particles = problem.stepper().subdomain.particles
-    assert np.array_equal(particles.force_density[:, 0] > 0.5, particles.reference[:, 0] > 5.0)
+    assert np.array_equal(particles.owned(particles.force_density)[:, 0] > 0.5, problem.subdomain.places()[:, 0] > 5.0)
 
 
-def test_initial_states_add_up():
+@pytest.mark.parametrize("path", PATHS)
+def test_initial_states_add_up(path):
     extra = '[[initial]]\nvelocity = [1.0, 2.0]\n[[initial]]\nvelocity_gradient = [[0.0, 3.0], [0.0, 0.0]]\norigin = [0.0, 1.0]\ndisplacement = [0.1, 0.0]\n'
-    particles = problem_of(plate((4, 4), extra=extra)).subdomain.particles
-    assert np.allclose(particles.velocity, np.stack([1.0 + 3.0 * (particles.reference[:, 1] - 1.0), np.full(16, 2.0)], axis=1))
-    assert np.allclose(particles.displacement, [0.1, 0.0])
+    subdomain = problem_of(plate((4, 4), extra=extra), [f"particles.path={path}"]).subdomain
+    particles, x = subdomain.particles, subdomain.places()
+    assert np.allclose(particles.owned(particles.velocity), np.stack([1.0 + 3.0 * (x[:, 1] - 1.0), np.full(16, 2.0)], axis=1))
+    assert np.allclose(particles.owned(particles.displacement), [0.1, 0.0])
 
 
 @pytest.mark.parametrize("extra, words", [
