@@ -16,7 +16,7 @@ def lattice(path, cells, radius=2.3):
     return problem_of(plate(cells, radius, dimension=dimension), ["particles.volume_correction=none", f"particles.path={path}"]).subdomain
 
 
-@pytest.mark.parametrize("path, dim", itertools.product(PATHS, (2, 3)))
+@pytest.mark.parametrize("path, dim", list(itertools.product(PATHS, (2, 3))))
 def test_counts_follow_the_bits(path, dim, lose_bonds, intact_pairs):
     subdomain = lattice(path, (9, 8) if dim == 2 else (6, 7, 5), 3.0)  # 3D: 122 neighbours, two words of bits
     x, slots = subdomain.places(), subdomain.particles.slots

@@ -70,7 +70,7 @@ def moving(path, cells, linear, blocks, seed=5):
 WIDTHS = ((13, 3), (16, 5), (5, 7), (1, 1), (8, 24), (3, 4, 11), (4, 4, 4))  # whole blocks of eight, odd rests, and less than a block
 
 
-@pytest.mark.parametrize("path, cells, linear, blocks", itertools.product(PATHS, WIDTHS, (False, True), (1, 2)))
+@pytest.mark.parametrize("path, cells, linear, blocks", list(itertools.product(PATHS, WIDTHS, (False, True), (1, 2))))
 def test_every_motion_is_the_formula_bit_for_bit(path, cells, linear, blocks):
     particles, x, inverse = moving(path, cells, linear, blocks)
     u, v, f = (particles.owned(field).copy() for field in (particles.displacement, particles.velocity, particles.force_density))
@@ -89,7 +89,7 @@ def test_every_motion_is_the_formula_bit_for_bit(path, cells, linear, blocks):
     assert np.array_equal(particles.owned(particles.position), placed), "in one pass or in two: the same bits"
 
 
-@pytest.mark.parametrize("cells, linear", itertools.product(((13, 3), (3, 4, 11)), (False, True)))
+@pytest.mark.parametrize("cells, linear", list(itertools.product(((13, 3), (3, 4, 11)), (False, True))))
 def test_both_layouts_move_to_the_same_bits(cells, linear):
     found = []
     for path in PATHS:

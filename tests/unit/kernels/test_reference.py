@@ -84,7 +84,7 @@ def _measures(bonds, points, linear, third, slots, found):
     return count
 
 
-@pytest.mark.parametrize("path, dim, linear", itertools.product(PATHS, (2, 3), (False, True)))
+@pytest.mark.parametrize("path, dim, linear", list(itertools.product(PATHS, (2, 3), (False, True))))
 def test_both_ends_find_the_same_measure(path, dim, linear):
     subdomain, _ = block(dim, 6, 2.0, linear, path)
     particles = subdomain.particles

@@ -94,7 +94,7 @@ def test_the_cut_takes_the_energy_of_bonds_and_of_dilatation(dimension, influenc
     assert solid.stretch_limit(setting) == pytest.approx(1 / math.sqrt(energy), rel=5e-3)  # the ball of cells is jagged
 
 
-@pytest.mark.parametrize("path, dimension, nu, linear", itertools.product(PATHS, DIMENSIONS, (0.0, 0.4), (False, True)))
+@pytest.mark.parametrize("path, dimension, nu, linear", list(itertools.product(PATHS, DIMENSIONS, (0.0, 0.4), (False, True))))
 def test_homogeneous_strains_hold_the_energy_of_linear_elasticity(path, dimension, nu, linear):
     """An isotropic strain exactly; shear up to the lattice's lack of isotropy. Stress reaches twice as far as energy: the neighbours' dilatations count."""
     dim, ratio = (3, 3.0) if dimension == "3d" else (2, 4.0)

@@ -26,7 +26,7 @@ def cells_of(grid, margin=0):
     return np.stack(np.meshgrid(*ranges, indexing="ij"), axis=-1).reshape(-1, len(ranges))
 
 
-@pytest.mark.parametrize("extent, reach", itertools.product(EXTENTS, (2, 3)))
+@pytest.mark.parametrize("extent, reach", list(itertools.product(EXTENTS, (2, 3))))
 def test_every_cell_in_reach_has_a_slot_of_its_own_with_room_around(extent, reach):
     grid = grid_of(extent, reach)
     cells = cells_of(grid, reach)

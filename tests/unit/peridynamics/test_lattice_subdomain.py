@@ -172,7 +172,7 @@ def test_blocks_across_a_material_border_are_mixed():
     assert np.array_equal(kind[kind != MIXED], block[kind != MIXED]) and 0 < np.sum(kind == MIXED) < len(kind)
 
 
-@pytest.mark.parametrize("dim, size", itertools.product((2, 3), (2, 3, 5)))
+@pytest.mark.parametrize("dim, size", list(itertools.product((2, 3), (2, 3, 5))))
 def test_cuts_lie_between_layers_and_share_the_bonds(dim, size):
     """A box of one material: no rank has more than 3 % above the mean, or one layer of its cells."""
     cells = (60, 41) if dim == 2 else (23, 16, 15)
