@@ -92,14 +92,6 @@ def test_a_record_without_a_body_does_not_compile():
         _perimeter(Circle(1.0))
 
 
-def test_what_implements_is_inlined():
-    """No call is left in the loop: numba would count references around it."""
-    _sum_of_areas(Square(2.0), 1)
-    (code,) = [text for kinds, text in _sum_of_areas.inspect_llvm().items() if "Square" in str(kinds)]
-    body = code[code.index("define") :]
-    assert "_area_of_square" not in "".join(line for line in body.splitlines() if " call " in line)
-
-
 def cache_folder(**variables):
     """The folder that a fresh process caches kernels in."""
     words = "from pdhpc import jit; import numba; print(numba.config.CACHE_DIR)"

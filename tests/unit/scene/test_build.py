@@ -1,8 +1,10 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from pdhpc.scene.build import build, choose_step, make_gauges
-from pdhpc.scene.read import parse_scene
+from pdhpc.scene.read import parse_scene, read_scene
 from pdhpc.scene.schema import SceneError
 from pdhpc.study.verify.case import plate, problem_of
 from pdhpc.warm_up import PATHS
@@ -92,6 +94,52 @@ def test_a_body_that_is_all_hole():
     text = plate((4, 4)).replace("[time]", '[[body.hole]]\nshape = "box"\nlower = [-2.0, -2.0]\nupper = [2.0, 2.0]\n[time]')
     with pytest.raises(SceneError, match="no particle"):
         problem_of(text)
+
+
+BESIDE = '[[body]]\nname = "right"\nmaterial = "solid"\nshape = "box"\nlower = [{x}, -5.0]\nupper = [{y}, 5.0]\n'
+
+
+@pytest.mark.parametrize("extra, asked, path", [
+    ("", "auto", "lattice: the body is filled with one lattice"),
+    ("", "lattice", "lattice: the body is filled with one lattice"),
+    ("", "cloud", 'cloud: asked for by particles.path = "cloud"'),
+    (BESIDE.format(x=7.0, y=9.0), "auto", "lattice: all bodies are filled with one lattice"),
+    (BESIDE.format(x=7.25, y=9.25), "auto", "cloud: body 2 lies +0.250 spacings along x off the lattice of body 1"),
+    (BESIDE.format(x=7.25, y=9.25), "cloud", 'cloud: asked for by particles.path = "cloud"'),
+])
+def test_the_path_is_the_lattice_where_there_is_one(extra, asked, path):
+    problem = problem_of(plate((10, 10), extra=extra), [f"particles.path={asked}"])
+    assert problem.body.path == path and hasattr(problem.subdomain.bonds.arrays, "offset") == path.startswith("lattice")
+    assert problem.subdomain.particles.n_owned == (100 if not extra else 120)
+
+
+def test_a_lattice_that_is_none_is_refused_with_the_reason():
+    with pytest.raises(SceneError) as caught:
+        problem_of(plate((10, 10), extra=BESIDE.format(x=7.25, y=9.25)), ["particles.path=lattice"])
+    assert str(caught.value).startswith('verification scene: particles.path = "lattice" although body 2 lies +0.250 spacings along x off the lattice of body 1; allowed is "auto"')
+    assert caught.value.where == "particles.path"
+
+
+@pytest.mark.parametrize("path", PATHS)
+@pytest.mark.parametrize("keys, expected", [
+    ("bulk_modulus=5.0 shear_modulus=3.0", (5.0, 3.0)), ("youngs_modulus=9.0 poissons_ratio=0.35", (9.0 / (3 * 0.3), 9.0 / 2.7)),
+])
+def test_moduli_of_a_linear_solid_reach_the_kernels(path, keys, expected):
+    text = plate((6, 5, 4), 2.0, dimension="3d").replace("youngs_modulus = 1.0\n", 'model = "lps"\n' + keys.replace(" ", "\n").replace("=", " = ") + "\n")
+    body = problem_of(text, [f"particles.path={path}"]).body
+    assert (body.materials[0].bulk_modulus, body.materials[0].shear_modulus) == pytest.approx(expected)
+    assert body.law.deviatoric[0] == pytest.approx(15 * expected[1]) and body.law.spherical[0] * 25 * expected[1] ** 2 == pytest.approx(expected[0] - 5 * expected[1] / 3)
+
+
+@pytest.mark.parametrize("name", ("everything_2d.toml", "everything_3d.toml"))
+@pytest.mark.parametrize("path", PATHS)
+def test_scenes_of_every_key_take_a_step_on_either_path(name, path, comm):
+    problem = build(read_scene(Path(__file__).parent / name, [f"particles.path={path}"]), comm)
+    make_gauges(problem, comm)
+    stepper = problem.stepper()
+    stepper.advance()
+    particles = problem.subdomain.particles
+    assert np.all(np.isfinite(particles.owned(particles.displacement))) and np.any(particles.owned(particles.displacement) != 0.0)
 
 
 def test_steps():
