@@ -6,7 +6,7 @@ import sys
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
-PARTS = ("serial", "mpi2", "mpi3")
+PARTS = ("serial", "mpi2", "mpi3", "mpi4")
 
 
 def outcomes(path):
@@ -29,8 +29,8 @@ def main(folder, selected):
     ran = {part: [name for name, state in report.items() if state != "skipped"] for part, report in reports.items()}
     if not selected:
         problems += [f"{part}: no test ran" for part, names in ran.items() if not names]
-        never = set(reports["mpi2"]) | set(reports["mpi3"])
-        problems += [f"{name}: ran on no number of ranks" for name in sorted(never - set(ran["mpi2"]) - set(ran["mpi3"]))]
+        known, seen = (set().union(*(lists[part] for part in PARTS[1:])) for lists in (reports, ran))
+        problems += [f"{name}: ran on no number of ranks" for name in sorted(known - seen)]
     states = [state for report in reports.values() for state in report.values()]
     for problem in problems:
         print(f"tools/test: {problem}")

@@ -144,9 +144,9 @@ class CommonLattice:
         """Return the coordinates of the cells first ... last - 1 along an axis, m: the same bits whoever asks."""
         return self.origin[axis] + (np.arange(first, last) + 0.5) * self.spacing
 
-    def between(self, axis, coordinate):
-        """Return the plane between two layers of cells that parts them as `coordinate` does, m."""
-        layer = np.ceil((coordinate - self.origin[axis]) / self.spacing - 0.5 - 1e-6)
+    def between(self, axis, coordinate, after):
+        """Return the plane, m, between the layer of cells around `coordinate` and the one before it, or, where `after`, the one after it."""
+        layer = np.floor((coordinate - self.origin[axis]) / self.spacing) + bool(after)
         return self.origin[axis] + layer * self.spacing
 
 

@@ -38,7 +38,11 @@ class Partition(NamedTuple):
         while node >= 0:
             middle = first + (last - first) // 2
             right = rank >= middle
-            (lower if right else upper)[self.axis[node]] = self.cut[node]
+            axis, cut = self.axis[node], self.cut[node]
+            if right:
+                lower[axis] = max(lower[axis], cut)  # a node without points may be cut anywhere
+            else:
+                upper[axis] = min(upper[axis], cut)
             first, last = (middle, last) if right else (first, middle)
             node = int(self.child[node, int(right)])
         return lower, upper
@@ -70,7 +74,8 @@ def bisect(comm, points, weights, snap=None):
     ----------
     points : (n, dim) float, m; every point on exactly one rank.
     weights : (n,) int, work of each point (its number of bonds).
-    snap : function (axis, cut) -> cut, or None: moves a cut to where the body may be cut, such as between the layers of a lattice.
+    snap : function (axis, coordinate, after) -> cut, or None: the cut just before or after the layer of points at a coordinate, such as between the layers
+        of a lattice.
     """
     size = comm.size
     axis = np.zeros(max(size - 1, 1), dtype=np.int64)
@@ -84,10 +89,12 @@ def bisect(comm, points, weights, snap=None):
         for slot, span in enumerate(level):
             slots[span.node] = slot
         slot_of = np.where(node_of >= 0, slots[np.maximum(node_of, 0)], -1)
-        axes, cuts = _cut_level(comm, points, weights, slot_of, np.array([span.left_share for span in level]))
+        axes, low, high, after = _cut_level(comm, points, weights, slot_of, np.array([span.left_share for span in level]))
         following = []
         for slot, span in enumerate(level):
-            axis[span.node], cut[span.node] = axes[slot], cuts[slot] if snap is None else snap(axes[slot], cuts[slot])
+            axis[span.node], cut[span.node] = axes[slot], high[slot] if after[slot] else low[slot]
+            if snap is not None:
+                cut[span.node] = snap(axes[slot], 0.5 * (low[slot] + high[slot]), after[slot])
             for side, (first, last) in enumerate(((span.first, span.middle), (span.middle, span.last))):
                 if last - first == 1:
                     child[span.node, side] = -(first + 1)
@@ -104,7 +111,7 @@ def bisect(comm, points, weights, snap=None):
 
 
 def _cut_level(comm, points, weights, slot_of, shares):
-    """Return the axis and the cut of every node of one level of the tree. Collective."""
+    """Return (axis, low, high, after) of every node of one level of the tree: the cut is high where `after`, else low, with one layer in between. Collective."""
     from mpi4py import MPI
 
     count, dim = len(shares), points.shape[1]
@@ -140,4 +147,4 @@ def _cut_level(comm, points, weights, slot_of, shares):
         above = upto[nodes, chosen]
         below = above - histogram[nodes, chosen]
     nearer_low = target - below < above - target
-    return axes, np.where(nearer_low & (below > 0), low, high)
+    return axes, low, high, ~(nearer_low & (below > 0))

@@ -1,10 +1,10 @@
-"""Refresh and accumulate on a ring of ranks that each hold a ghost of both neighbours' ends."""
+"""Refresh and accumulate on a ring of ranks that each hold a ghost of both neighbours' ends, in slots in order or scattered."""
 import numpy as np
 import pytest
 
 from pdhpc.parallel.ghosts import GhostExchange
 
-N = 5
+N, N_SLOTS = 5, 23
 
 
 def ring(comm):
@@ -26,7 +26,74 @@ def test_refresh_brings_owners_values(comm):
             bound.refresh()
             assert np.array_equal(field, ids[:, None] + np.arange(width) / 10 + repeat)
         bound.free()
+        assert bound_bytes(exchange, field) == 8 * width * 2
     assert exchange.sent == 2
+
+
+def bound_bytes(exchange, field):
+    """Bytes that this rank sends per refresh of a field."""
+    bound = exchange.bind(field)
+    sent = bound.bytes_sent
+    bound.free()
+    return sent
+
+
+def scattered(comm, seed=0):
+    """Return (exchange, number of slots, slots of the owned, their ids, slots of the ghosts, their ids): everything anywhere among N_SLOTS slots."""
+    owned = np.arange(N * comm.rank, N * (comm.rank + 1))
+    ghosts = np.unique([(owned[0] - 1) % (N * comm.size), (owned[-1] + 1) % (N * comm.size)])
+    slots = np.random.default_rng(10 * comm.rank + seed).permutation(N_SLOTS)[: N + len(ghosts)].astype(np.int32)
+    order = np.lexsort((ghosts, ghosts // N))
+    ghosts = ghosts[order]
+    return GhostExchange(comm, owned, ghosts, ghosts // N, slots[:N], slots[N:]), slots[:N], owned, slots[N:], ghosts
+
+
+@pytest.mark.mpi(min_size=2)
+@pytest.mark.parametrize("layout", ("rows", "columns", "part of a row"))
+def test_refresh_between_scattered_slots(comm, layout):
+    """Owned particles and ghosts may lie anywhere in fields of any strides; what is neither is left alone."""
+    exchange, slots, owned, ghost_slots, ghosts = scattered(comm)
+    whole = np.full((N_SLOTS, 4), -1.0)
+    field = {"rows": np.full((N_SLOTS, 3), -1.0), "columns": np.full((3, N_SLOTS), -1.0).T, "part of a row": whole[:, :3]}[layout]
+    bound = exchange.bind(field)
+    for repeat in range(3):
+        field[slots] = owned[:, None] + np.arange(3) / 10 + repeat
+        bound.start_refresh()
+        field[slots] += 0.0  # owned values may be read while messages travel
+        bound.finish_refresh()
+        assert np.array_equal(field[ghost_slots], ghosts[:, None] + np.arange(3) / 10 + repeat)
+        assert np.array_equal(field[slots], owned[:, None] + np.arange(3) / 10 + repeat)
+    others = np.setdiff1d(np.arange(N_SLOTS), np.concatenate([slots, ghost_slots]))
+    assert np.all(field[others] == -1.0) and np.all(whole[:, 3] == -1.0)
+    assert bound.bytes_sent == 8 * 3 * exchange.sent == 8 * 3 * 2
+    bound.free()
+
+
+@pytest.mark.mpi(min_size=2)
+def test_accumulate_between_scattered_slots(comm):
+    exchange, slots, owned, ghost_slots, ghosts = scattered(comm, 1)
+    field = np.zeros((2, N_SLOTS)).T
+    field[slots], field[ghost_slots] = 1.0, 10.0
+    bound = exchange.bind(field)
+    bound.accumulate()
+    expected = np.ones((N, 2))
+    expected[[0, -1]] += 10.0
+    assert np.array_equal(field[slots], expected) and np.all(field[ghost_slots] == 10.0)
+    bound.free()
+
+
+@pytest.mark.mpi(min_size=2)
+def test_two_fields_can_travel_at_once(comm):
+    """Messages between two ranks keep their order: those of two fields bound to one exchange do not cross."""
+    exchange, slots, owned, ghost_slots, ghosts = scattered(comm, 2)
+    fields = [np.zeros((N_SLOTS, 2)), np.zeros(N_SLOTS)]
+    bounds = [exchange.bind(field) for field in fields]
+    fields[0][slots], fields[1][slots] = owned[:, None], -owned
+    for bound in bounds:
+        bound.start_refresh()
+    for bound in bounds:
+        bound.finish_refresh()
+    assert np.array_equal(fields[0][ghost_slots], np.stack([ghosts, ghosts], axis=1)) and np.array_equal(fields[1][ghost_slots], -ghosts)
 
 
 @pytest.mark.mpi(min_size=2)

@@ -2,8 +2,11 @@ import math
 import os
 import subprocess
 import sys
+from typing import NamedTuple
 
+import numba
 import numpy as np
+import pytest
 
 from pdhpc import jit
 
@@ -28,6 +31,65 @@ def _ordered_sum(values):
 def test_sums_keep_their_order():
     values = np.array([1e16, 1.0, -1e16, 1.0])  # (1e16 + 1) - 1e16 + 1 = 1 in this order, 2 in the best one
     assert _ordered_sum(values) == 1.0
+
+
+class Square(NamedTuple):
+    side: float
+
+
+class Circle(NamedTuple):
+    radius: float
+
+
+def area(shape, times):
+    """Return the area of a shape, several times."""
+
+
+def perimeter(shape):
+    """Return the length of a shape's rim."""
+
+
+@jit.implements(area, Square)
+def _area_of_square(shape, times):
+    return times * shape.side * shape.side
+
+
+@jit.implements(area, Circle)
+def _area_of_circle(shape, times):
+    return times * 3.0 * shape.radius * shape.radius
+
+
+@jit.implements(perimeter, Square)
+def _perimeter_of_square(shape):
+    return area(shape, 4) / shape.side  # a body may call other functions with bodies
+
+
+@jit.kernel
+def _sum_of_areas(shape, n):
+    total = 0.0
+    for k in range(n):
+        total += area(shape, k)
+    return total
+
+
+@jit.kernel
+def _perimeter(shape):
+    return perimeter(shape)
+
+
+def test_a_function_has_a_body_for_each_record():
+    assert _sum_of_areas(Square(2.0), 3) == 4.0 * (0 + 1 + 2)
+    assert _sum_of_areas(Circle(2.0), 3) == 12.0 * (0 + 1 + 2)
+    assert _perimeter(Square(5.0)) == 20.0
+
+
+def test_the_decorated_body_stays_a_plain_function_and_the_empty_one_empty():
+    assert _area_of_square(Square(2.0), 1) == 4.0 and area(Square(2.0), 1) is None
+
+
+def test_a_record_without_a_body_does_not_compile():
+    with pytest.raises(numba.core.errors.TypingError, match="perimeter"):
+        _perimeter(Circle(1.0))
 
 
 def cache_folder(**variables):

@@ -3,6 +3,7 @@ import pytest
 
 from pdhpc.conditions.conditions import Conditions
 from pdhpc.study.verify.case import plate, problem_of
+from pdhpc.warm_up import PATHS
 
 PUSH = """
 [[region]]
@@ -22,11 +23,12 @@ value = [0.0, -1e-4]
 
 
 @pytest.mark.parametrize("function, more", [("constant", ""), ("sine", ", frequency = 0.05"), ("ramp", ", start = 1.0, end = 4.0")])
-def test_work_of_motions_and_loads_closes_the_balance(function, more):
+@pytest.mark.parametrize("path", PATHS)
+def test_work_of_motions_and_loads_closes_the_balance(function, more, path):
     """The change of kinetic and strain energy is the external work, up to dt^2: halving the step quarters what is left."""
     left = []
     for halving in (1, 2):
-        problem = problem_of(plate((10, 4), extra=PUSH.format(function=function, more=more)))
+        problem = problem_of(plate((10, 4), extra=PUSH.format(function=function, more=more)), [f"particles.path={path}"])
         problem.dt = 0.4 * problem.critical_dt / halving
         stepper = problem.stepper()
         start = sum(stepper.ledger()[name].sum() for name in ("kinetic_energy", "strain_energy"))

@@ -1,11 +1,15 @@
 import math
+import subprocess
+import sys
 
 import numpy as np
 import pytest
 
 from pdhpc.jit import kernel
 from pdhpc.kernels import simd
-from pdhpc.kernels.simd import any_of, fma, gather_xy, gather_xyz, lane_mask, lane_sum, larger, load8, select, splat, sqrt8, store8
+from pdhpc.kernels.simd import (
+    any_of, fma, gather_xy, gather_xyz, has_bit, lane_mask, lane_sum, larger, load8, lookup8, root8, rsqrt8, rsqrt8_exact, select, splat, sqrt8, store8, words8,
+)
 
 A = np.array([1.5, -2.0, 3.25, 0.0, 1e-300, 7.0, -0.5, 4.0])
 B = np.array([0.5, 2.0, -1.0, 3.0, 1e300, 7.0, 0.25, -8.0])
@@ -139,6 +143,83 @@ def test_roots_and_quotients_are_rounded_as_ieee_says():
 
 
 @kernel
+def _inverse_roots(a, out):
+    for k in range(0, len(a), 8):
+        store8(out[0], k, rsqrt8(load8(a, k)))
+        store8(out[1], k, rsqrt8_exact(load8(a, k)))
+        store8(out[2], k, root8(load8(a, k)))
+
+
+def _ulps(found, expected):
+    """Distance in units of the last place of `expected`."""
+    return np.abs(found - expected) / np.spacing(expected)
+
+
+def test_inverse_roots_and_roots_are_within_two_ulp_at_all_magnitudes():
+    random = np.random.default_rng(5)
+    a = np.concatenate([
+        random.random(80_000) * 10.0 ** random.uniform(-290, 290, 80_000),
+        1.0 + random.uniform(-0.1, 0.1, 80_000),  # measures of bonds
+        2.0 ** np.arange(-800, 800, 2), 1.0 + np.arange(-32, 32) * 2.0**-52,
+    ])
+    out = np.zeros((3, len(a)))
+    _inverse_roots(a, out)
+    expected = 1.0 / np.sqrt(a)
+    assert len(a) % 8 == 0 and np.array_equal(out[1], expected)
+    assert _ulps(out[0], expected).max() <= 2.0 and _ulps(out[2], np.sqrt(a)).max() <= 2.0
+
+
+def test_a_bond_at_rest_has_no_stretch_at_all():
+    """1/sqrt(1) and sqrt(1) are exact however they are computed: an undeformed body has forces of exactly zero."""
+    out = np.zeros((3, 8))
+    _inverse_roots(np.ones(8), out)
+    assert np.all(out == 1.0)
+
+
+def test_inverse_roots_of_nan_are_nan():
+    out = np.zeros((3, 8))
+    _inverse_roots(np.full(8, np.nan), out)
+    assert np.isnan(out).all()
+
+
+@kernel
+def _bits(words, index, bit, out):
+    store8(out, 0, select(has_bit(words8(words, index), bit), splat(1.0), splat(0.0)))
+
+
+def test_bits_of_eight_words():
+    words, out = np.random.default_rng(6).integers(0, 2**64, 24, dtype=np.uint64), np.empty(8)
+    for index in (0, 3, 8, 16):  # words need not be aligned
+        for bit in range(64):
+            _bits(words, index, bit, out)
+            assert out.tolist() == [float(int(word) >> bit & 1) for word in words[index : index + 8]]
+
+
+def test_words_of_a_table_are_counted_flat():
+    words, out = np.arange(32, dtype=np.uint64).reshape(2, 16), np.empty(8)
+    _bits(words, 16 + 4, 0, out)  # the second row from its fifth word on: 20 ... 27
+    assert out.tolist() == [0.0, 1.0] * 4
+
+
+@kernel
+def _lookup(table, rows, row, columns, column, out):
+    store8(out, 0, lookup8(table, rows, row, columns, column))
+
+
+@pytest.mark.parametrize("size", (1, 2, 5, 200))
+def test_lookups_in_a_table_and_beyond_it(size):
+    """An index outside of the table, 255 of a cell without a particle above all, reads row or column 0 instead of what lies behind the table."""
+    random = np.random.default_rng(7)
+    table = random.random((size, size))
+    rows, columns, out = random.integers(0, size, 32).astype(np.uint8), random.integers(0, size, 32).astype(np.uint8), np.empty(8)
+    rows[[5, 9]], columns[[11, 12]] = 255, (255, size)
+    for row, column in ((0, 0), (3, 7), (8, 8), (24, 17)):
+        _lookup(table, rows, row, columns, column, out)
+        clipped = [np.where(index < size, index, 0) for index in (rows[row : row + 8], columns[column : column + 8])]
+        assert np.array_equal(out, table[clipped[0], clipped[1]])
+
+
+@kernel
 def _nan(a, b, out):
     store8(out[0], 0, larger(load8(a, 0), load8(b, 0)))
     store8(out[1], 0, select(lane_mask(np.uint8(0)), load8(a, 0), load8(b, 0)))
@@ -150,30 +231,41 @@ def test_nan_is_neither_taken_over_nor_let_through_a_mask():
     assert np.array_equal(out, [B, B])
 
 
-@pytest.mark.parametrize("choice, expected", [("vector", True), ("reference", False)])
-def test_the_environment_chooses(monkeypatch, choice, expected):
+@pytest.mark.parametrize("choice", simd.CHOICES)
+def test_the_environment_chooses(monkeypatch, choice):
     monkeypatch.setenv("PDHPC_KERNELS", choice)
-    assert simd.chosen() is expected
+    assert simd.chosen() == choice
 
 
 def test_a_misspelt_choice_names_the_right_ones(monkeypatch):
     monkeypatch.setenv("PDHPC_KERNELS", "refrence")
-    with pytest.raises(ValueError, match="PDHPC_KERNELS=refrence: must be one of vector, reference"):
+    with pytest.raises(ValueError, match="PDHPC_KERNELS=refrence: must be one of vector, ieee, reference"):
         simd.chosen()
 
 
 @pytest.mark.parametrize("machine, features, expected", [
-    ("x86_64", {"avx2": True, "fma": True}, True),
-    ("x86_64", {"avx2": True, "fma": False}, False),
-    ("x86_64", {"avx": True}, False),
-    ("aarch64", {"neon": True}, True),
+    ("x86_64", {"avx2": True, "fma": True}, "vector"),
+    ("x86_64", {"avx2": True, "fma": False}, "reference"),
+    ("x86_64", {"avx": True}, "reference"),
+    ("aarch64", {"neon": True}, "vector"),
 ])
 def test_an_old_vector_unit_is_left_alone(monkeypatch, machine, features, expected):
     monkeypatch.delenv("PDHPC_KERNELS", raising=False)
     monkeypatch.setattr(simd.platform, "machine", lambda: machine)
     monkeypatch.setattr(simd.binding, "get_host_cpu_features", lambda: features)
-    assert simd.chosen() is expected
+    assert simd.chosen() == expected
 
 
 def test_eight_lanes():
     assert simd.LANES == 8
+
+
+ROOTS = "from pdhpc.kernels import simd; print(simd.rsqrt8 is simd.rsqrt8_exact, simd.root8 is simd.sqrt8, bool(simd.binding.get_host_cpu_features().get('avx512f')))"
+
+
+@pytest.mark.parametrize("choice", ("vector", "ieee"))
+def test_seeds_of_avx_512_are_taken_where_allowed(choice, monkeypatch):
+    monkeypatch.setenv("PDHPC_KERNELS", choice)
+    done = subprocess.run([sys.executable, "-c", ROOTS], capture_output=True, text=True, check=True)
+    exact, plain, able = (word == "True" for word in done.stdout.split())
+    assert exact == plain == (choice == "ieee" or not able)

@@ -171,7 +171,7 @@ def test_forces_are_the_derivative_of_the_energy(path, model, dim, linear):
     assert slope == pytest.approx(-(force * direction).sum() * volume, rel=1e-7)  # central differences: step^2 and round-off / step
 
 
-@pytest.mark.parametrize("path, dim, linear", itertools.product(("lattice", "cloud"), (2, 3), (False, True)))
+@pytest.mark.parametrize("path, dim, linear", list(itertools.product(("lattice", "cloud"), (2, 3), (False, True))))
 def test_lps_dissipates_the_drop_of_strain_energy_at_fixed_positions(path, dim, linear):
     subdomain, law, setting = deformed(path, "lps", dim, linear, strength={"critical_stretch": 0.03})
     before = strain_energy_density(subdomain, law)
@@ -181,7 +181,7 @@ def test_lps_dissipates_the_drop_of_strain_energy_at_fixed_positions(path, dim, 
     assert np.allclose(subdomain.particles.owned(subdomain.particles.dissipated), drop, rtol=1e-9, atol=1e-13 * drop.max())
 
 
-@pytest.mark.parametrize("model, dim, linear", itertools.product(("pmb", "lps"), (2, 3), (False, True)))
+@pytest.mark.parametrize("model, dim, linear", list(itertools.product(("pmb", "lps"), (2, 3), (False, True))))
 def test_both_storages_hold_the_same_model(model, dim, linear):
     results = []
     for path in ("lattice", "cloud"):

@@ -3,7 +3,8 @@ import math
 import numpy as np
 import pytest
 
-from pdhpc.materials.bond_based import BondBased, Setting, family_radius, make_law
+from pdhpc.materials.bond_based import BondBased
+from pdhpc.materials.law import Setting
 
 E, G, DELTA, T = 65e9, 204.0, 1e-3, 2e-3
 GLASS = BondBased("glass", 2235.0, E, energy_release_rate=G)
@@ -31,18 +32,9 @@ def test_critical_stretch_is_given_derived_or_absent():
 
 def test_bonds_between_materials_and_blocks():
     soft, stiff = BondBased("soft", 1.0, 1.0, critical_stretch=0.1), BondBased("stiff", 2.0, 3.0, critical_stretch=0.2)
-    setting = Setting("plane_stress", 1.0, 1.0, "constant")
-    law = make_law([(soft, True), (stiff, True), (soft, False)], setting, 0.25, "linear")
+    law = BondBased.law([(soft, True), (stiff, True), (soft, False)], Setting("plane_stress", 1.0, 1.0, "constant", 0.25, "linear"))
     c = np.diag(law.micromodulus)
     assert law.micromodulus[0, 1] == pytest.approx(2 * c[0] * c[1] / (c[0] + c[1])) == law.micromodulus[1, 0]
     assert law.critical_stretch[0, 1] == 0.1 and law.critical_stretch[1, 1] == 0.2
     assert np.all(np.isinf(law.critical_stretch[2])) and np.all(np.isinf(law.critical_stretch[:, 2]))
     assert law.density.tolist() == [1.0, 2.0, 1.0]
-
-
-def test_family_radius_ends_where_the_ramp_does():
-    assert family_radius(3.0, 1.0, "none") > 3.0 and family_radius(3.0, 1.0, "none") < 3.0 + 1e-6
-    assert family_radius(3.0, 1.0, "linear") < 3.5 and family_radius(3.0, 1.0, "linear") > 3.5 - 1e-6
-    law = make_law([(GLASS, True)], Setting("3d", 3.0, 1.0, "constant"), 1.0, "linear")
-    beta = [min(1.0, (law.ramp_end - r) * law.ramp_slope) for r in (2.5, 3.0, 3.5)]
-    assert np.allclose(beta, [1.0, 0.5, 0.0])

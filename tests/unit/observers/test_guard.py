@@ -6,14 +6,17 @@ import pytest
 from pdhpc.observers.guard import FiniteGuard
 from pdhpc.run import RunError
 from pdhpc.study.verify.case import plate, problem_of
+from pdhpc.warm_up import PATHS
 
 
-def test_nan_stops_the_run_and_names_the_particle(comm):
-    problem = problem_of(plate((4, 4)))
+@pytest.mark.parametrize("path", PATHS)
+def test_nan_stops_the_run_and_names_the_particle(path, comm):
+    problem = problem_of(plate((4, 4)), [f"particles.path={path}"])
     stepper = SimpleNamespace(subdomain=problem.subdomain, step=7, time=0.7)
     guard = FiniteGuard(comm, [3])
     guard.observe(stepper)
-    problem.subdomain.particles.displacement[5, 1] = np.inf
+    particles = problem.subdomain.particles
+    particles.displacement[particles.slots[5], 1] = np.inf
     with pytest.raises(RunError, match=r"particle 5 at \(-0.5, -0.5\) m is not finite at step 7"):
         guard.observe(stepper)
     with pytest.raises(RunError):

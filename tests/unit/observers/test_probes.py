@@ -3,6 +3,7 @@ import pytest
 
 from pdhpc.observers.probes import Probe, components, nearest_particle
 from pdhpc.study.verify.case import plate, problem_of
+from pdhpc.warm_up import PATHS
 
 
 def test_component_names():
@@ -12,26 +13,28 @@ def test_component_names():
     assert components("strain", 3) == ["strain_xx", "strain_yy", "strain_zz", "strain_xy", "strain_xz", "strain_yz"]
 
 
-def test_means_and_points(comm):
-    problem = problem_of(plate((6, 4), kinematics="linear"))
-    particles = problem.subdomain.particles
-    particles.displacement[:] = particles.reference @ np.array([[0.1, 0.0], [0.0, -0.2]])
+@pytest.mark.parametrize("path", PATHS)
+def test_means_and_points(path, comm):
+    problem = problem_of(plate((6, 4), kinematics="linear"), [f"particles.path={path}"])
+    particles, x = problem.subdomain.particles, problem.subdomain.places()
+    particles.put(particles.displacement, x @ np.array([[0.1, 0.0], [0.0, -0.2]]))
     stepper = problem.stepper()
     stepper.law = problem.body.law
-    right = np.flatnonzero(particles.reference[:, 0] > 0)
+    right = np.flatnonzero(x[:, 0] > 0)
     assert Probe(comm, "p", "displacement", right, 2).read(stepper) == pytest.approx([0.1 * 1.5, 0.0])
     assert Probe(comm, "p", "strain", right, 2).read(stepper) == pytest.approx([0.1, -0.2, 0.0])
     assert Probe(comm, "p", "strain", right, 2).columns == ("p.strain_xx [1]", "p.strain_yy [1]", "p.strain_xy [1]")
-    near = nearest_particle(comm, particles, [2.4, 1.6])
-    assert particles.reference[near].tolist() == [[2.5, 1.5]]
+    near = nearest_particle(comm, problem.subdomain, [2.4, 1.6])
+    assert x[near].tolist() == [[2.5, 1.5]]
 
 
-def test_reaction_balances_the_internal_force(comm):
-    problem = problem_of(plate((8, 4), kinematics="linear"))
-    particles = problem.subdomain.particles
-    particles.displacement[:, 0] = 0.01 * particles.reference[:, 0]
+@pytest.mark.parametrize("path", PATHS)
+def test_reaction_balances_the_internal_force(path, comm):
+    problem = problem_of(plate((8, 4), kinematics="linear"), [f"particles.path={path}"])
+    particles, x = problem.subdomain.particles, problem.subdomain.places()
+    particles.put(particles.displacement, x * [0.01, 0.0])
     stepper = problem.stepper()
-    left, right = np.flatnonzero(particles.reference[:, 0] < 0), np.flatnonzero(particles.reference[:, 0] > 0)
+    left, right = np.flatnonzero(x[:, 0] < 0), np.flatnonzero(x[:, 0] > 0)
     pull = Probe(comm, "right", "reaction", right, 2).read(stepper)
     hold = Probe(comm, "left", "reaction", left, 2).read(stepper)
-    assert pull[0] > 0 and pull[0] == pytest.approx(-hold[0]) and pull[0] == pytest.approx(-particles.force_density[right, 0].sum())
+    assert pull[0] > 0 and pull[0] == pytest.approx(-hold[0]) and pull[0] == pytest.approx(-particles.owned(particles.force_density)[right, 0].sum())

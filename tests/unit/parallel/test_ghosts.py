@@ -13,7 +13,11 @@ def test_one_rank_has_nothing_to_exchange(comm):
     assert exchange.sent == 0 and np.array_equal(field, np.arange(8.0).reshape(4, 2))
 
 
-def test_a_field_of_the_wrong_length_is_refused(comm):
+def test_a_field_that_is_too_short_is_refused(comm):
     exchange = GhostExchange(comm, np.arange(4), np.empty(0, np.int64), np.empty(0, np.int64))
-    with pytest.raises(ValueError, match="C-contiguous"):
-        exchange.bind(np.zeros((5, 2)))
+    with pytest.raises(ValueError, match="4 are needed, 3 given"):
+        exchange.bind(np.zeros((3, 2)))
+    scattered = GhostExchange(comm, np.arange(2), np.empty(0, np.int64), np.empty(0, np.int64), np.array([7, 2], np.int32))
+    with pytest.raises(ValueError, match="8 are needed, 7 given"):
+        scattered.bind(np.zeros(7))
+    assert scattered.bind(np.zeros(8)).bytes_sent == 0

@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 
 from pdhpc.parallel.partition import Partition, bisect
 
@@ -47,6 +48,27 @@ def test_lattice_planes_stay_whole():
     points = np.stack([x.ravel(), y.ravel()], axis=1)
     owner = bisect(Pretend(4), points, np.ones(500, int)).owner(points).reshape(50, 10)
     assert np.all(owner == owner[:, :1])
+
+
+@pytest.mark.parametrize("size", (2, 3, 4, 8))
+@pytest.mark.parametrize("snap", (None, lambda axis, coordinate, after: np.floor(coordinate) + after), ids=("free", "between layers"))
+@pytest.mark.parametrize("where", (-7.5, 0.5, 40.5))
+def test_boxes_and_owners_agree_when_ranks_go_without(size, snap, where):
+    points = np.array([[where, 0.5], [where + 1.0, 0.5], [where + 1.0, 1.5]])
+    tree = bisect(Pretend(size), points, np.ones(3, int), snap)
+    inside = np.array([np.all((points >= lower) & (points < upper), axis=1) for lower, upper in (tree.box(rank, 2) for rank in range(size))])
+    assert np.array_equal(np.argmax(inside, axis=0), tree.owner(points)) and np.all(inside.sum(axis=0) == 1), "each point lies in one box"
+
+
+@pytest.mark.parametrize("size", (2, 3, 4, 5, 7))
+def test_cuts_between_layers_share_as_well_as_cuts_anywhere(size):
+    x, y, z = np.meshgrid(np.arange(23) + 0.5, np.arange(16) + 0.5, np.arange(15) + 0.5, indexing="ij")
+    points = 0.1 * np.stack([x.ravel(), y.ravel(), z.ravel()], axis=1)
+    weights = np.random.default_rng(2).integers(50, 123, len(points))
+    free = bisect(Pretend(size), points, weights)
+    snapped = bisect(Pretend(size), points, weights, lambda axis, coordinate, after: 0.1 * (np.floor(coordinate / 0.1) + after))
+    assert np.array_equal(free.owner(points), snapped.owner(points)), "the same particles: only the planes differ"
+    assert np.allclose(snapped.cut / 0.1, np.rint(snapped.cut / 0.1), atol=1e-9)
 
 
 def test_more_ranks_than_points():

@@ -3,17 +3,18 @@ import pytest
 
 from pdhpc.peridynamics.bonds import find_families
 from pdhpc.study.verify.case import plate, problem_of
+from pdhpc.warm_up import PATHS
 
 
-def test_damage_is_told_apart_from_the_pre_crack():
-    problem = problem_of(plate((12, 12), extra='[[crack]]\ntype = "polyline"\npoints = [[-6.0, 0.0], [0.0, 0.0]]'))
-    bonds, x = problem.subdomain.bonds, problem.subdomain.particles.reference
+@pytest.mark.parametrize("path", PATHS)
+def test_damage_is_told_apart_from_the_pre_crack(path, lose_bonds):
+    problem = problem_of(plate((12, 12), extra='[[crack]]\ntype = "polyline"\npoints = [[-6.0, 0.0], [0.0, 0.0]]'), [f"particles.path={path}"])
+    bonds, x = problem.subdomain.bonds, problem.subdomain.places()
     assert np.all(bonds.damage() == 0.0)
     near = (np.abs(x[:, 1]) < 1) & (x[:, 0] < -1)
     assert np.all(bonds.precrack()[near] > 0.3) and np.all(bonds.precrack()[np.abs(x[:, 1]) > 4] == 0.0)
-    first = bonds.arrays.row_start[0] >> 3
-    bonds.arrays.alive[first] = 0
-    assert bonds.damage()[0] > 0 and bonds.precrack()[0] == 0.0
+    lose_bonds(problem.subdomain, 0)
+    assert bonds.damage()[0] == 1.0 and bonds.precrack()[0] == 0.0 and np.count_nonzero(bonds.damage()) == 1
 
 
 def test_a_lone_particle_has_no_damage():

@@ -4,7 +4,7 @@ import pytest
 
 from pdhpc.geometry.lattice import LatticeBody
 from pdhpc.geometry.shapes import Box, Disk
-from pdhpc.kernels.cloud import MIXED
+from pdhpc.kernels.family import MIXED
 from pdhpc.parallel.partition import Partition, bisect
 from pdhpc.peridynamics.subdomain import make_subdomain, sample_with_weights
 
@@ -54,11 +54,11 @@ def test_parts_make_up_the_whole(dim, size):
     for rank in range(size):
         part = make_subdomain(bodies(dim), partition, rank, RADIUS, describe, False)
         particles = part.particles
-        assert np.all(np.diff(particles.id[particles.owned]) > 0)
+        assert np.all(np.diff(particles.id[: particles.n_owned]) > 0)
         ghosts = particles.id[particles.n_owned :]
         assert np.array_equal(partition.owner(particles.reference[particles.n_owned :]), part.ghost_owner)
         assert np.array_equal(np.lexsort((ghosts, part.ghost_owner)), np.arange(len(ghosts)))
-        assert set(ghosts) == {j for row in rows(part).values() for j in row} - set(particles.id[particles.owned]), "exactly the ghosts that are needed"
+        assert set(ghosts) == {j for row in rows(part).values() for j in row} - set(particles.id[: particles.n_owned]), "exactly the ghosts that are needed"
         assert not set(together) & set(rows(part))
         together.update(rows(part))
         work.append(part.bonds.n_directed)

@@ -2,19 +2,24 @@ import numpy as np
 import pytest
 
 from pdhpc.study.verify.case import plate, problem_of
+from pdhpc.warm_up import MODELS, PATHS
 
 
-def shaken(extra=""):
-    problem = problem_of(plate((10, 6), extra=extra, material="critical_stretch = 0.02", kinematics="finite"))
+BOTH_MODELS = [["material.solid.model=pmb"], ["material.solid.model=lps", "material.solid.poissons_ratio=0.2"]]
+
+
+def shaken(path, overrides=()):
+    problem = problem_of(plate((10, 6), material="critical_stretch = 0.02", kinematics="finite"), [f"particles.path={path}", *overrides])
     particles = problem.subdomain.particles
-    particles.velocity[:] = 0.05 * np.random.default_rng(0).standard_normal(particles.velocity.shape)
+    particles.put(particles.velocity, 0.05 * np.random.default_rng(0).standard_normal((60, 2)))
     return problem
 
 
-def test_one_step_is_the_formula():
-    problem = problem_of(plate((6, 6)))
+@pytest.mark.parametrize("path", PATHS)
+def test_one_step_is_the_formula(path):
+    problem = problem_of(plate((6, 6)), [f"particles.path={path}"])
     particles = problem.subdomain.particles
-    particles.velocity[:] = np.random.default_rng(0).standard_normal(particles.velocity.shape)
+    particles.put(particles.velocity, np.random.default_rng(0).standard_normal((36, 2)))
     stepper = problem.stepper()
     u, v, a, dt = particles.displacement.copy(), particles.velocity.copy(), particles.force_density.copy(), stepper.dt  # rho = 1
     stepper.advance()
@@ -23,8 +28,10 @@ def test_one_step_is_the_formula():
     assert stepper.time == dt and stepper.step == 1
 
 
-def test_state_continues_a_run_bit_for_bit():
-    problem = shaken()
+@pytest.mark.parametrize("path", PATHS)
+@pytest.mark.parametrize("overrides", BOTH_MODELS, ids=MODELS)
+def test_state_continues_a_run_bit_for_bit(path, overrides):
+    problem = shaken(path, overrides)
     stepper = problem.stepper()
     for _ in range(20):
         stepper.advance()
@@ -32,7 +39,7 @@ def test_state_continues_a_run_bit_for_bit():
     for _ in range(20):
         stepper.advance()
     assert stepper.broken > 0
-    other = shaken()
+    other = shaken(path, overrides)
     for key, (get, put) in other.stepper().state().items():
         put(saved[key])
     again = other.stepper()
@@ -43,8 +50,10 @@ def test_state_continues_a_run_bit_for_bit():
     assert np.array_equal(again.subdomain.bonds.arrays.alive, stepper.subdomain.bonds.arrays.alive)
 
 
-def test_ledger_sums():
-    problem = shaken()
+@pytest.mark.parametrize("path", PATHS)
+@pytest.mark.parametrize("overrides", BOTH_MODELS, ids=MODELS)
+def test_ledger_sums(path, overrides):
+    problem = shaken(path, overrides)
     stepper = problem.stepper()
     ledger = stepper.ledger()
     velocity = stepper.subdomain.particles.velocity
@@ -57,6 +66,6 @@ def test_ledger_sums():
 
 
 def test_seconds_are_counted_by_phase():
-    stepper = shaken().stepper()
+    stepper = shaken("lattice").stepper()
     stepper.advance()
-    assert set(stepper.seconds) == {"force", "exchange", "integrate"} and stepper.seconds["force"] > 0
+    assert set(stepper.seconds) == {"force", "exchange", "wait", "integrate"} and stepper.seconds["force"] > 0

@@ -1,67 +1,79 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from pdhpc.scene.build import build, choose_step, make_gauges
-from pdhpc.scene.read import parse_scene
+from pdhpc.scene.read import parse_scene, read_scene
 from pdhpc.scene.schema import SceneError
 from pdhpc.study.verify.case import plate, problem_of
+from pdhpc.warm_up import PATHS
 
 
 def region(name, lower, upper):
     return f'[[region]]\nname = "{name}"\nshape = "box"\nlower = {lower}\nupper = {upper}\n'
 
 
-def test_a_hole_removes_particles():
+@pytest.mark.parametrize("path", PATHS)
+def test_a_hole_removes_particles(path):
     extra = '[[body.hole]]\nshape = "disk"\ncenter = [0.0, 0.0]\nradius = 3.0\n'
     text = plate((20, 10)).replace("[time]", extra + "[time]")
-    particles = problem_of(text).subdomain.particles
-    assert np.linalg.norm(particles.reference, axis=1).min() > 3.0 and 150 < particles.n_owned < 200
+    subdomain = problem_of(text, [f"particles.path={path}"]).subdomain
+    assert np.linalg.norm(subdomain.places(), axis=1).min() > 3.0 and 150 < subdomain.particles.n_owned < 200
 
 
 @pytest.mark.parametrize("depth", [1, 3])
-def test_traction_gives_the_force_of_its_face(depth):
+@pytest.mark.parametrize("path", PATHS)
+def test_traction_gives_the_force_of_its_face(depth, path):
     """A region of any depth: total force = traction x length x thickness."""
     extra = region("top", [-10.0, 5.0 - depth], [10.0, 5.0]) + '[[load]]\ntype = "traction"\nregion = "top"\nface = "+y"\nvalue = [0.5, 2.0]\n'
-    problem = problem_of(plate((20, 10), extra=extra))
-    stepper = problem.stepper()
-    total = (stepper.subdomain.particles.force_density * stepper.subdomain.particles.volume[:, None]).sum(axis=0)
+    problem = problem_of(plate((20, 10), extra=extra), [f"particles.path={path}"])
+    particles = problem.stepper().subdomain.particles
+    total = particles.owned(particles.force_density * particles.volume[:, None]).sum(axis=0)
     assert total == pytest.approx([0.5 * 20, 2.0 * 20])
 
 
-def test_traction_on_the_face_of_a_cube():
+@pytest.mark.parametrize("path", PATHS)
+def test_traction_on_the_face_of_a_cube(path):
     extra = '[[region]]\nname = "r"\nshape = "half_space"\npoint = [2.0, 0.0, 0.0]\nnormal = [1.0, 0.0, 0.0]\n[[load]]\ntype = "traction"\nregion = "r"\nface = "+x"\nvalue = [3.0, 0.0, 0.0]\n'
-    problem = problem_of(plate((8, 6, 5), extra=extra, dimension="3d"))
-    force = problem.stepper().subdomain.particles.force_density
-    assert force.sum(axis=0) == pytest.approx([3.0 * 6 * 5, 0.0, 0.0])
+    problem = problem_of(plate((8, 6, 5), extra=extra, dimension="3d"), [f"particles.path={path}"])
+    particles = problem.stepper().subdomain.particles
+    assert particles.owned(particles.force_density).sum(axis=0) == pytest.approx([3.0 * 6 * 5, 0.0, 0.0])
 
 
-def test_gravity_and_force_density():
+@pytest.mark.parametrize("path", PATHS)
+def test_gravity_and_force_density(path):
     extra = '[[load]]\ntype = "gravity"\nvalue = [0.0, -9.81]\n[[load]]\ntype = "force_density"\nregion = "all"\nvalue = [1.5, 0.0]\n'
-    problem = problem_of(plate((6, 4), extra=extra).replace("density = 1.0\n", "density = 2.0\n"))
-    assert np.allclose(problem.stepper().subdomain.particles.force_density, [1.5, -2.0 * 9.81])
+    problem = problem_of(plate((6, 4), extra=extra).replace("density = 1.0\n", "density = 2.0\n"), [f"particles.path={path}"])
+    particles = problem.stepper().subdomain.particles
+    assert np.allclose(particles.owned(particles.force_density), [1.5, -2.0 * 9.81])
 
 
-def test_no_fail_regions_hold_whatever_happens():
+@pytest.mark.parametrize("path", PATHS)
+def test_no_fail_regions_hold_whatever_happens(path):
     extra = region("held", [-10.0, -5.0], [0.0, 5.0]) + '[damage]\nno_fail = ["held"]\n[[initial]]\ndisplacement_gradient = [[0.5, 0.0], [0.0, 0.5]]\n'
-    problem = problem_of(plate((20, 10), extra=extra, material="critical_stretch = 0.1", kinematics="finite"))
+    problem = problem_of(plate((20, 10), extra=extra, material="critical_stretch = 0.1", kinematics="finite"), [f"particles.path={path}"])
     stepper = problem.stepper()
-    x, damage = stepper.subdomain.particles.reference[:, 0], stepper.subdomain.bonds.damage()
+    x, damage = stepper.subdomain.places()[:, 0], stepper.subdomain.bonds.damage()
     assert stepper.broken > 0 and np.all(damage[x < 0] == 0.0) and np.all(damage[x > 4] == 1.0)
 
 
-def test_regions_can_be_tied_to_a_body():
+@pytest.mark.parametrize("path", PATHS)
+def test_regions_can_be_tied_to_a_body(path):
     second = '[[body]]\nname = "right"\nmaterial = "solid"\nshape = "box"\nlower = [5.0, -5.0]\nupper = [9.0, 5.0]\n'
     extra = second + region("part", [0.0, -5.0], [9.0, 5.0]) + 'body = "right"\n[[load]]\ntype = "force_density"\nregion = "part"\nvalue = [1.0, 0.0]\n'
-    problem = problem_of(plate((10, 10), extra=extra))
+    problem = problem_of(plate((10, 10), extra=extra), [f"particles.path={path}"])
     particles = problem.stepper().subdomain.particles
-    assert np.array_equal(particles.force_density[:, 0] > 0.5, particles.reference[:, 0] > 5.0)
+    assert np.array_equal(particles.owned(particles.force_density)[:, 0] > 0.5, problem.subdomain.places()[:, 0] > 5.0)
 
 
-def test_initial_states_add_up():
+@pytest.mark.parametrize("path", PATHS)
+def test_initial_states_add_up(path):
     extra = '[[initial]]\nvelocity = [1.0, 2.0]\n[[initial]]\nvelocity_gradient = [[0.0, 3.0], [0.0, 0.0]]\norigin = [0.0, 1.0]\ndisplacement = [0.1, 0.0]\n'
-    particles = problem_of(plate((4, 4), extra=extra)).subdomain.particles
-    assert np.allclose(particles.velocity, np.stack([1.0 + 3.0 * (particles.reference[:, 1] - 1.0), np.full(16, 2.0)], axis=1))
-    assert np.allclose(particles.displacement, [0.1, 0.0])
+    subdomain = problem_of(plate((4, 4), extra=extra), [f"particles.path={path}"]).subdomain
+    particles, x = subdomain.particles, subdomain.places()
+    assert np.allclose(particles.owned(particles.velocity), np.stack([1.0 + 3.0 * (x[:, 1] - 1.0), np.full(16, 2.0)], axis=1))
+    assert np.allclose(particles.owned(particles.displacement), [0.1, 0.0])
 
 
 @pytest.mark.parametrize("extra, words", [
@@ -82,6 +94,52 @@ def test_a_body_that_is_all_hole():
     text = plate((4, 4)).replace("[time]", '[[body.hole]]\nshape = "box"\nlower = [-2.0, -2.0]\nupper = [2.0, 2.0]\n[time]')
     with pytest.raises(SceneError, match="no particle"):
         problem_of(text)
+
+
+BESIDE = '[[body]]\nname = "right"\nmaterial = "solid"\nshape = "box"\nlower = [{x}, -5.0]\nupper = [{y}, 5.0]\n'
+
+
+@pytest.mark.parametrize("extra, asked, path", [
+    ("", "auto", "lattice: the body is filled with one lattice"),
+    ("", "lattice", "lattice: the body is filled with one lattice"),
+    ("", "cloud", 'cloud: asked for by particles.path = "cloud"'),
+    (BESIDE.format(x=7.0, y=9.0), "auto", "lattice: all bodies are filled with one lattice"),
+    (BESIDE.format(x=7.25, y=9.25), "auto", "cloud: body 2 lies +0.250 spacings along x off the lattice of body 1"),
+    (BESIDE.format(x=7.25, y=9.25), "cloud", 'cloud: asked for by particles.path = "cloud"'),
+])
+def test_the_path_is_the_lattice_where_there_is_one(extra, asked, path):
+    problem = problem_of(plate((10, 10), extra=extra), [f"particles.path={asked}"])
+    assert problem.body.path == path and hasattr(problem.subdomain.bonds.arrays, "offset") == path.startswith("lattice")
+    assert problem.subdomain.particles.n_owned == (100 if not extra else 120)
+
+
+def test_a_lattice_that_is_none_is_refused_with_the_reason():
+    with pytest.raises(SceneError) as caught:
+        problem_of(plate((10, 10), extra=BESIDE.format(x=7.25, y=9.25)), ["particles.path=lattice"])
+    assert str(caught.value).startswith('verification scene: particles.path = "lattice" although body 2 lies +0.250 spacings along x off the lattice of body 1; allowed is "auto"')
+    assert caught.value.where == "particles.path"
+
+
+@pytest.mark.parametrize("path", PATHS)
+@pytest.mark.parametrize("keys, expected", [
+    ("bulk_modulus=5.0 shear_modulus=3.0", (5.0, 3.0)), ("youngs_modulus=9.0 poissons_ratio=0.35", (9.0 / (3 * 0.3), 9.0 / 2.7)),
+])
+def test_moduli_of_a_linear_solid_reach_the_kernels(path, keys, expected):
+    text = plate((6, 5, 4), 2.0, dimension="3d").replace("youngs_modulus = 1.0\n", 'model = "lps"\n' + keys.replace(" ", "\n").replace("=", " = ") + "\n")
+    body = problem_of(text, [f"particles.path={path}"]).body
+    assert (body.materials[0].bulk_modulus, body.materials[0].shear_modulus) == pytest.approx(expected)
+    assert body.law.deviatoric[0] == pytest.approx(15 * expected[1]) and body.law.spherical[0] * 25 * expected[1] ** 2 == pytest.approx(expected[0] - 5 * expected[1] / 3)
+
+
+@pytest.mark.parametrize("name", ("everything_2d.toml", "everything_3d.toml"))
+@pytest.mark.parametrize("path", PATHS)
+def test_scenes_of_every_key_take_a_step_on_either_path(name, path, comm):
+    problem = build(read_scene(Path(__file__).parent / name, [f"particles.path={path}"]), comm)
+    make_gauges(problem, comm)
+    stepper = problem.stepper()
+    stepper.advance()
+    particles = problem.subdomain.particles
+    assert np.all(np.isfinite(particles.owned(particles.displacement))) and np.any(particles.owned(particles.displacement) != 0.0)
 
 
 def test_steps():

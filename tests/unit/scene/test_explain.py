@@ -101,9 +101,18 @@ def test_given_and_default_are_told_apart():
     assert rows["time.dt"].value == "auto" and "rho" in rows["time.dt"].source
 
 
+def test_the_two_scenes_use_every_key_of_the_language():
+    given = {name for path in EVERYTHING for table in tables_of(read_scene(path)) for name in table.model_fields_set}
+    assert {name for model in all_models() for name in model.model_fields} - given == {"frames"}, "it excludes every and times, which the two scenes use"
+
+
 def test_defaults_that_depend_on_other_keys_are_filled_in():
+    rows = {row.key: row for row in explain(read_scene(EVERYTHING[0]))}
+    assert rows["material.steel.poissons_ratio"][1:3] == ("0.25", "default"), "pmb fixes it"
     rows = {row.key: row for row in explain(read_scene(EVERYTHING[1]))}
-    assert rows["material.stone.poissons_ratio"][1:3] == ("0.25", "default") and rows["tip.tip.direction"][1:3] == ("[1.0, 0.0, 0.0]", "default")
+    assert rows["material.stone.poissons_ratio"][1:3] == ("-", "default") and rows["material.brass.poissons_ratio"][1:3] == ("0.35", "given"), "lps has none"
+    assert rows["material.stone.bulk_modulus"][1:3] == ("40000000000.0", "given") and rows["particles.path"][1:3] == ("lattice", "given")
+    assert rows["tip.tip.direction"][1:3] == ("[1.0, 0.0, 0.0]", "default")
     assert rows["output.every"][1:3] == ("0.3", "given") and rows["output.frames"][1:3] == ("-", "default") and rows["particles.thickness"].value == "-"
     assert rows["initial.0.origin"].value == "[0.0, 0.0, 0.0]"
 

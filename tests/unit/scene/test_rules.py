@@ -39,6 +39,8 @@ def test_the_bases_are_valid():
 @pytest.mark.parametrize("extra, overrides, words", [
     ("", ["particles.horizon=0.9"], ["--set particles.horizon=0.9: particles.horizon = 0.9", "at least 2 spacings, 1 m"]),
     ("", ["particles.horizon=500.0"], ["at most 100 spacings"]),
+    ("", ["particles.path=grid"], ['particles.path = "grid"', '"auto", "lattice", "cloud"']),
+    ("", ["material.m.model=lsp"], ['model = "lsp"', 'did you mean "lps"']),
     ("", ["material.m.poissons_ratio=0.2"], ["poissons_ratio = 0.2", "1/3", "bond-based"]),
     ("", ["material.m.energy_release_rate=1.0", "material.m.critical_stretch=0.1"], ["not both"]),
     ("", ["body.b.material=wood"], ['material = "wood"', "(m)"]),
@@ -136,6 +138,64 @@ def test_the_poissons_ratio_of_the_model_may_be_given(dimension, ratio):
 def test_another_poissons_ratio_is_refused(dimension, words):
     with pytest.raises(SceneError, match=f"{words} .*bond-based"):
         check("", f"dimension={dimension}", "material.m.poissons_ratio=0.3", base=BASE_3D if dimension == "3d" else BASE)
+
+
+def moduli(lines, model="lps", dimension="plane_stress"):
+    """BASE with these lines in the place of Young's modulus."""
+    base = (BASE_3D if dimension == "3d" else BASE).replace('"plane_stress"', f'"{dimension}"')
+    assert "youngs_modulus = 1.0\n" in base
+    return base.replace("youngs_modulus = 1.0\n", f'model = "{model}"\n{lines}')
+
+
+E, NU, K, G = "youngs_modulus = 1.0\n", "poissons_ratio = 0.3\n", "bulk_modulus = 2.0\n", "shear_modulus = 1.0\n"
+
+
+@pytest.mark.parametrize("dimension", ["plane_stress", "plane_strain", "3d"])
+@pytest.mark.parametrize("lines", [E + NU, K + G, E + "poissons_ratio = -0.99\n", E + "poissons_ratio = 0.499\n", E + "poissons_ratio = 0.0\n"])
+def test_a_linear_solid_has_either_pair_of_moduli(dimension, lines):
+    material = check(base=moduli(lines, dimension=dimension)).material[0]
+    assert (material.youngs_modulus is None) != (material.bulk_modulus is None)
+
+
+@pytest.mark.parametrize("lines, words", [
+    ("", "material 'm': youngs_modulus = nothing"),
+    (E, "material 'm': poissons_ratio = nothing beside youngs_modulus"),
+    (NU, "material 'm': youngs_modulus = nothing beside poissons_ratio"),
+    (K, "material 'm': shear_modulus = nothing beside bulk_modulus"),
+    (G, "material 'm': bulk_modulus = nothing beside shear_modulus"),
+    (E + G, "beside youngs_modulus and shear_modulus"),
+    (E + K, "beside youngs_modulus and bulk_modulus"),
+    (NU + K, "beside poissons_ratio and bulk_modulus"),
+    (E + NU + G, "beside youngs_modulus and poissons_ratio and shear_modulus"),
+    (E + NU + K + G, "beside youngs_modulus and poissons_ratio and bulk_modulus and shear_modulus"),
+])
+def test_other_sets_of_moduli_are_refused(lines, words):
+    with pytest.raises(SceneError) as caught:
+        check(base=moduli(lines))
+    assert words in str(caught.value) and 'allowed is youngs_modulus and poissons_ratio, or bulk_modulus and shear_modulus, for model = "lps"' in str(caught.value)
+
+
+@pytest.mark.parametrize("nu", [0.5, -1.0, 0.6, -2.0])
+def test_a_poissons_ratio_beyond_the_stable_ones_is_refused(nu):
+    with pytest.raises(SceneError, match="poissons_ratio = .*allowed is a number above -1 and below 0.5"):
+        check(base=moduli(E + f"poissons_ratio = {nu}\n"))
+
+
+@pytest.mark.parametrize("lines, words", [
+    (E + K, "bulk_modulus = 2.0; allowed is no such key in model = \"pmb\""), (E + G, "shear_modulus = 1.0; allowed is no such key in model = \"pmb\""),
+    (K + G, "youngs_modulus = nothing; allowed is a number above 0, Pa: model = \"pmb\" needs it"), ("", "youngs_modulus = nothing"),
+])
+def test_a_bond_based_solid_has_youngs_modulus_alone(lines, words):
+    with pytest.raises(SceneError) as caught:
+        check(base=moduli(lines, "pmb"))
+    assert f"material 'm': {words}" in str(caught.value)
+
+
+def test_materials_of_one_scene_share_a_model():
+    other = '[[material]]\nname = "n"\ndensity = 1.0\nyoungs_modulus = 1.0\n{more}[[body]]\nname = "c"\nmaterial = "n"\nshape = "box"\nlower = [10.0, 0.0]\nupper = [12.0, 5.0]\n'
+    check(other.format(more='model = "lps"\npoissons_ratio = 0.1\n'), base=moduli(E + NU))
+    with pytest.raises(SceneError, match="material 'n': model = \"pmb\"; allowed is \"lps\", the model of material 'm': all materials of a scene share one"):
+        check(other.format(more=""), base=moduli(E + NU))
 
 
 def test_box_sides_may_be_off_by_rounding_only():

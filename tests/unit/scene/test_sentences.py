@@ -23,7 +23,7 @@ def test_good_is_good():
 
 @pytest.mark.parametrize("changes, expected", [
     ({"particles": {"spacng": 1.0, "horizon": 3.0}},  # also makes spacing missing
-     'particles.spacng is an unknown key; allowed in particles is spacing, horizon, thickness, influence, volume_correction, kinematics (did you mean "spacing"?)'),
+     'particles.spacng is an unknown key; allowed in particles is spacing, horizon, thickness, influence, volume_correction, kinematics, path (did you mean "spacing"?)'),
     ({"particles": {"spacing": 1.0, "horizon": 3.0, "density": 1.0}}, '("density" belongs to [[material]])'),
     ({"horizon": 1.0}, 'horizon is an unknown key; allowed in the top level is title, model, dimension'),
     ({"horizon": 1.0}, '("horizon" belongs to [particles])'),
