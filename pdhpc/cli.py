@@ -46,6 +46,13 @@ def _parser():
     verify.add_argument("names", metavar="NAME", nargs="*")
     verify.add_argument("--list", action="store_true", help="list the checks and what they hold")
     verify.set_defaults(action=_verify)
+    scale = commands.add_parser("scale", help="measure how a scene scales: one launch for each number of ranks")
+    scale.add_argument("study", metavar="STUDY")
+    scale.add_argument("-o", "--output", metavar="DIR", required=True, help="folder for scaling.csv, pictures and a file for each launch")
+    scale.add_argument("--point", type=int, default=None, metavar="K", help="only the K-th number of ranks, from 0 (for job arrays)")
+    scale.add_argument("--overwrite", action="store_true", help="run again what DIR holds already")
+    scale.add_argument("--set", action="append", default=[], metavar="key=value", dest="overrides", help="change a key of the study; may be repeated")
+    scale.set_defaults(action=_scale)
     return parser
 
 
@@ -164,6 +171,17 @@ def _view(options):
     scene = scene_from_dict(json.loads(record.read_text())["scene"], str(record))
     for path in _draw(options.directory, scene):
         print(path)
+    return 0
+
+
+def _scale(options):
+    from pdhpc.study.scaling import run_study
+    from pdhpc.study.scaling_report import report
+
+    study, rows = run_study(options.study, options.output, options.overrides, options.point, options.overwrite)
+    for picture in report(study, rows, options.output):
+        print(f"picture: {picture}")
+    print(f"rows: {options.output}/scaling.csv")
     return 0
 
 

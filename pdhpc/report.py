@@ -12,6 +12,7 @@ def print_summary(record, directory, pictures):
     rows = [
         ("scene", record["title"] or record["scene_file"]),
         ("ranks", str(record["ranks"])),
+        ("path", record["path"]),
         ("particles, bonds", f"{record['particles']:,}, {record['bonds']:,}"),
         ("steps, dt", f"{record['steps']:,}, {record['dt']:.4g} s (critical {record['critical_dt']:.4g} s)"),
         ("wall time", "  ".join(f"{name} {value:.2f} s" for name, value in seconds.items())),
@@ -70,6 +71,7 @@ def print_check(scene, ranks):
     print_rows([
         ("scene", scene.title or scene.source),
         ("particles", f"{found.particles:,}"),
+        ("path", found.path),
         ("bonds", f"{about}{found.bonds:,} (at most {found.neighbours} neighbours)"),
         *(("critical stretch", f"{material}: {text}") for material, text in found.critical_stretch),
         ("critical step", f"{found.critical_dt:.6g} s (sqrt(2 rho / |A|), A the stiffness tensor of a particle's bonds: a lower bound)"),

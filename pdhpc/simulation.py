@@ -117,7 +117,7 @@ class Simulation:
             "title": self.scene.title,
             "scene_file": self.scene.source,
             "versions": versions(),
-            "commit": _commit(),
+            "commit": commit(),
             "host": platform.node(),
             "ranks": comm.size,
             "particles": n_particles,
@@ -170,7 +170,7 @@ def versions():
     return {**packages, "h5py": h5py.__version__}
 
 
-def _commit():
+def commit():
     """Return the git commit of the package's checkout, with "+" when it is modified, or None."""
     folder = Path(__file__).parent
     if not (folder.parent / ".git").exists():

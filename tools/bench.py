@@ -138,7 +138,7 @@ def _worker(words, environment=None, ranks=None):
     environment = {**os.environ, **(environment or {})}
     command = [sys.executable, __file__, *words]
     if ranks is not None:
-        from pdhpc.study.verify.launch import launch_command
+        from pdhpc.study.launch import launch_command
 
         command, environment = launch_command(ranks, [sys.executable, "-m", "mpi4py", __file__, *words])
     done = subprocess.run(command, env=environment, capture_output=True, text=True)

@@ -12,12 +12,11 @@ from pdhpc.jit import implements, inlined
 from pdhpc.kernels import family
 from pdhpc.kernels.family import MIXED
 from pdhpc.kernels.simd import (
-    LANES, any_of, as_vector, at, both, either, fma, fnma, has_bit, lane_mask, lane_max, larger, load8, lookup8, root8, rsqrt8, select, splat, store8,
+    LANES, any_of, as_vector, at, both, either, fma, fnma, has_bit, lane_mask, lane_max, larger, load8, lookup8, pick8, root8, rsqrt8, select, splat, store8,
     words8,
 )
 from pdhpc.materials.bond_based import BondBasedLaw
-from pdhpc.kernels.reference import energy_of, frequency_of
-from pdhpc.materials.law import bond_energy, moduli, stiffness, volume_energy
+from pdhpc.materials.law import bond_energy, moduli, volume_energy
 from pdhpc.materials.state_based import LinearSolidLaw
 
 WORD = 64
@@ -144,7 +143,8 @@ def _block_force(bonds, i, points, law, state, linear, third, force_density, nea
             beyond = either(beyond, both(live, along2 > at(bonds.trigger, row * count + k)))
             c, p = bond_moduli(near, law, points, state, i, j)
             if linear is not None:
-                tension = at(bonds.weight, row * count + k) * fma(as_vector(c), along2 * (at(bonds.inv_length, k) * at(bonds.inv_length, k)), as_vector(p))
+                weight, stretch = at(bonds.weight, row * count + k), along2 * (at(bonds.inv_length, k) * at(bonds.inv_length, k))
+                tension = fma(as_vector(weight * c), stretch, as_vector(weight * p))
             else:  # weight (C (1 - |xi|/|y|) + P |xi|/|y|)
                 tension = fnma(as_vector(at(bonds.weight_length, row * count + k) * (c - p)), rsqrt8(along2), as_vector(at(bonds.weight, row * count + k) * c))
             tension = select(live, tension, splat(0.0))
@@ -176,10 +176,7 @@ def _dilatation_row(bonds, i, points, law, state, linear, third):
             total = fma(s, splat(at(bonds.moment_weight, k)), total)
     a = load8(state, i)
     if kind == MIXED:
-        store8(state, n + i, a * a * total)
-        for lane in range(LANES):
-            block = points.block[i + lane]
-            state[i + lane, 1] *= law.volumetric[block] if block < len(law.volumetric) else 0.0
+        store8(state, n + i, a * a * total * pick8(law.volumetric, points.block, i))
     else:
         store8(state, n + i, a * a * total * law.volumetric[kind])
     return any_of(beyond)
@@ -203,9 +200,14 @@ def _vectors(bonds, position, j, k, px, py, pz, linear, third):
 def _energy_row(bonds, i, points, law, state, linear, third, energy):
     kind = bonds.kind[i >> 3]
     if kind == MIXED:
-        for lane in range(LANES):
-            energy_of(bonds, i + lane, points, law, state, linear, third, energy)
-        return
+        _block_energy(SeveralBlocks(0), bonds, i, points, law, state, linear, third, energy)
+    else:
+        _block_energy(OneBlock(kind), bonds, i, points, law, state, linear, third, energy)
+
+
+@inlined
+def _block_energy(which, bonds, i, points, law, state, linear, third, energy):
+    """Store the energy densities of eight particles."""
     position, n, count = points.position, len(points.position), len(bonds.offset)
     px, py = load8(position, i), load8(position, n + i)
     pz = splat(0.0) if third is None else load8(position, 2 * n + i)
@@ -213,12 +215,13 @@ def _energy_row(bonds, i, points, law, state, linear, third, energy):
     for word in range(bonds.alive.shape[0]):
         states = words8(bonds.alive, word * n + i)
         for k in range(WORD * word, min(count, WORD * word + WORD)):
-            along2, dx, dy, dz = _vectors(bonds, position, i + at(bonds.offset, k), k, px, py, pz, linear, third)
+            j = i + at(bonds.offset, k)
+            along2, dx, dy, dz = _vectors(bonds, position, j, k, px, py, pz, linear, third)
             s = _stretches(bonds, k, along2, linear)
             moment = select(has_bit(states, k - WORD * word), splat(at(bonds.moment_weight, k)), splat(0.0))
-            total, extended = fma(moment * s, s, total), fma(moment, s, extended)
-    near = near_block(law, state, i, kind)
-    store8(energy, i, bond_energy(law, near, total, 1.0) + volume_energy(law, kind, near, extended))
+            total, extended = total + bond_energy(law, near_end_of(law, which, points, state, i, j), moment, s), fma(moment, s, extended)
+    near = near_end_of(law, which, points, state, i, i)
+    store8(energy, i, total + volume_energy(law, near, spherical_of(law, which, points, i), extended))
 
 
 @inlined
@@ -231,25 +234,127 @@ def _stretches(bonds, k, along2, linear):
 
 @implements(family.frequency_row, LatticeArrays)
 def _frequency_row(bonds, i, points, law, state, third):
-    kind, largest = bonds.kind[i >> 3], 0.0
+    kind = bonds.kind[i >> 3]
     if kind == MIXED:
-        for lane in range(LANES):
-            largest = max(largest, frequency_of(bonds, i + lane, points, law, state, third))
-        return largest
-    near, n, count = uniform_ends(law, state, i), len(points.position), len(bonds.offset)
+        return _block_frequency(SeveralBlocks(0), bonds, i, points, law, state, third)
+    return _block_frequency(OneBlock(kind), bonds, i, points, law, state, third)
+
+
+@inlined
+def _block_frequency(which, bonds, i, points, law, state, third):
+    """Return the largest |A|/rho of eight particles."""
+    n, count, plain = len(points.position), len(bonds.offset), len(bonds.weight) - 1
+    bound = bound_of(law, which, points, i)
     xx, yy, zz, xy, xz, yz = splat(0.0), splat(0.0), splat(0.0), splat(0.0), splat(0.0), splat(0.0)
     for word in range(bonds.alive.shape[0]):
         states = words8(bonds.alive, word * n + i)
         for k in range(WORD * word, min(count, WORD * word + WORD)):
-            c, p = bond_moduli(near, law, points, state, i, i + at(bonds.offset, k))
+            j = i + at(bonds.offset, k)
+            c, p = moduli(law, near_end_of(law, which, points, state, i, j), far_end_of(law, state, j))
             x, y, z = bonds.vector[k, 0], bonds.vector[k, 1], 0.0 if third is None else bonds.vector[k, 2]
-            part = select(has_bit(states, k - WORD * word), as_vector(stiffness(law, kind, c)), splat(0.0))
-            part = part * (bonds.weight[kind, k] * at(bonds.inv_length, k) * at(bonds.inv_length, k))
+            part = select(has_bit(states, k - WORD * word), as_vector(c * bound), splat(0.0))
+            part = part * (bonds.weight[plain, k] * at(bonds.inv_length, k) * at(bonds.inv_length, k))
             xx, yy, zz = fma(part, splat(x * x), xx), fma(part, splat(y * y), yy), fma(part, splat(z * z), zz)
             xy, xz, yz = fma(part, splat(x * y), xy), fma(part, splat(x * z), xz), fma(part, splat(y * z), yz)
     xy, xz, yz = larger(xy, 0.0 - xy), larger(xz, 0.0 - xz), larger(yz, 0.0 - yz)
     norm = larger(larger(xx + xy + xz, yy + xy + yz), zz + xz + yz)
-    return lane_max(norm) / law.density[kind]
+    return lane_max(norm / per_block(which, law.density, points, i))
+
+
+class OneBlock(NamedTuple):
+    """Eight particles which, with their neighbours, are of one block."""
+
+    kind: int
+
+
+class SeveralBlocks(NamedTuple):
+    """Eight particles which, with their neighbours, are of several blocks."""
+
+    unused: int
+
+
+def per_block(which, table, points, i):
+    """Return the entries of a table (n_block,) for eight particles."""
+
+
+def near_end_of(law, which, points, state, i, j):
+    """Return the law's near ends of one bond of eight particles, j the slot of the first's neighbour."""
+
+
+def far_end_of(law, state, j):
+    """Return the law's far ends of one bond of eight particles."""
+
+
+def bound_of(law, which, points, i):
+    """Return the factor of the law's `stiffness` of eight particles."""
+
+
+def spherical_of(law, which, points, i):
+    """Return what the law's `volume_energy` needs of the blocks of eight particles."""
+
+
+@implements(per_block, OneBlock)
+def _per_one_block(which, table, points, i):
+    return table[which.kind]
+
+
+@implements(per_block, SeveralBlocks)
+def _per_several_blocks(which, table, points, i):
+    return pick8(table, points.block, i)
+
+
+def modulus_of(which, law, points, i, j):
+    """Return the micromoduli of one bond of eight particles."""
+
+
+@implements(modulus_of, OneBlock)
+def _modulus_of_one_block(which, law, points, i, j):
+    return law.micromodulus[which.kind, which.kind]
+
+
+@implements(modulus_of, SeveralBlocks)
+def _modulus_of_several_blocks(which, law, points, i, j):
+    return lookup8(law.micromodulus, points.block, i, points.block, j)
+
+
+@implements(near_end_of, BondBasedLaw)
+def _near_end_of_bond_based(law, which, points, state, i, j):
+    return modulus_of(which, law, points, i, j)
+
+
+@implements(far_end_of, BondBasedLaw)
+def _far_end_of_bond_based(law, state, j):
+    return 0.0
+
+
+@implements(bound_of, BondBasedLaw)
+def _bound_of_bond_based(law, which, points, i):
+    return 1.0
+
+
+@implements(spherical_of, BondBasedLaw)
+def _spherical_of_bond_based(law, which, points, i):
+    return 0.0
+
+
+@implements(near_end_of, LinearSolidLaw)
+def _near_end_of_linear_solid(law, which, points, state, i, j):
+    return load8(state, i), load8(state, len(state) + i)
+
+
+@implements(far_end_of, LinearSolidLaw)
+def _far_end_of_linear_solid(law, state, j):
+    return load8(state, j), load8(state, len(state) + j)
+
+
+@implements(bound_of, LinearSolidLaw)
+def _bound_of_linear_solid(law, which, points, i):
+    return per_block(which, law.bound, points, i)
+
+
+@implements(spherical_of, LinearSolidLaw)
+def _spherical_of_linear_solid(law, which, points, i):
+    return per_block(which, law.spherical, points, i)
 
 
 class Weighted(NamedTuple):
@@ -281,20 +386,6 @@ def mixed_ends(law, state, i):
 
 def bond_moduli(near, law, points, state, i, j):
     """Return the law's `moduli` for one bond of eight particles; j is the slot of the first's neighbour. The weights may hold some."""
-
-
-def near_block(law, state, i, kind):
-    """Return the law's near ends of eight particles of block `kind`."""
-
-
-@implements(near_block, BondBasedLaw)
-def _near_block_bond_based(law, state, i, kind):
-    return law.micromodulus[kind, kind]
-
-
-@implements(near_block, LinearSolidLaw)
-def _near_block_linear_solid(law, state, i, kind):
-    return load8(state, i), load8(state, len(state) + i)
 
 
 @implements(uniform_ends, BondBasedLaw)

@@ -7,7 +7,7 @@ from pdhpc.jit import inlined, sweep
 from pdhpc.kernels.family import (
     bond_strain, break_bond, end_of_bonds, first_bond, inverse_length, is_alive, neighbour, reference_vector, row_width, share, stretch_of,
 )
-from pdhpc.materials.law import bond_energy, bond_weight, far_end, moduli, moment_weight, near_end, pull, released_stretch, stiffness, volume_energy
+from pdhpc.materials.law import bond_energy, bond_weight, far_end, moduli, moment_weight, near_end, pull, released_stretch, spherical_part, stiffness, volume_energy
 
 
 @sweep
@@ -86,7 +86,7 @@ def energy_of(bonds, i, points, law, state, linear, third, energy):
             extended += moment * s
     block = points.block[i]
     if block < len(law.density):
-        total += volume_energy(law, block, near_end(law, points, state, i, i), extended)
+        total += volume_energy(law, near_end(law, points, state, i, i), spherical_part(law, block), extended)
     energy[i] = total
 
 
@@ -135,6 +135,6 @@ def break_row(bonds, i, points, law, state, linear, third, dissipated):
             after += part
     if broken:
         near = near_end(law, points, state, i, i)
-        released += volume_energy(law, block, near, before) - volume_energy(law, block, near, after)
+        released += volume_energy(law, near, spherical_part(law, block), before) - volume_energy(law, near, spherical_part(law, block), after)
         dissipated[i] += points.volume[i] * released
     return broken

@@ -410,6 +410,25 @@ def lookup8(typing, table, rows, row, columns, column):
 
 
 @intrinsic
+def pick8(typing, table, rows, row):
+    """Return table[rows[row + k]], k = 0 ... 7, of a contiguous float64 table; rows a uint8 array; an index beyond the table reads its first entry."""
+
+    def lower(context, builder, signature, arguments):
+        table, rows, row = arguments
+        length = builder.extract_value(context.make_array(signature.args[0])(context, builder, table).shape, 0)
+        result = ir.Constant(_VECTOR, ir.Undefined)
+        for lane in range(LANES):
+            entry = builder.load(_element(context, builder, signature.args[1], rows, builder.add(row, ir.Constant(row.type, lane))))
+            entry = builder.zext(entry, row.type)
+            entry = builder.select(builder.icmp_unsigned("<", entry, length), entry, ir.Constant(row.type, 0))
+            value = builder.load(_element(context, builder, signature.args[0], table, entry))
+            result = builder.insert_element(result, value, ir.Constant(_I32, lane))
+        return result
+
+    return F64x8(table, rows, types.intp), lower
+
+
+@intrinsic
 def store8(typing, array, index, vector):
     """Store a vector to array[index] ... array[index + 7]."""
 

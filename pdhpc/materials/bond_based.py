@@ -133,9 +133,15 @@ def _bond_energy(law, near, moment, s):
 
 
 @implements(laws.volume_energy, BondBasedLaw)
-def _volume_energy(law, block, near, total):
+def _volume_energy(law, near, spherical, total):
     """None."""
     return 0.0 * total
+
+
+@implements(laws.spherical_part, BondBasedLaw)
+def _spherical_part(law, block):
+    """Nothing."""
+    return 0.0
 
 
 @implements(laws.released_stretch, BondBasedLaw)

@@ -132,8 +132,12 @@ def bond_energy(law, near, moment, s):
     """Return particle i's part of a bond's energy density, J/m^6; moment: its moment_weight."""
 
 
-def volume_energy(law, block, near, total):
-    """Return the energy density of a particle beside that of its bonds, J/m^3; total = sum_j moment_weight s V_j."""
+def volume_energy(law, near, spherical, total):
+    """Return the energy density of a particle beside that of its bonds, J/m^3; total = sum_j moment_weight s V_j; spherical: of its block."""
+
+
+def spherical_part(law, block):
+    """Return what `volume_energy` needs of a block."""
 
 
 def released_stretch(law, stretch, limit):

@@ -164,10 +164,16 @@ def _bond_energy(law, near, moment, s):
 
 
 @implements(laws.volume_energy, LinearSolidLaw)
-def _volume_energy(law, block, near, total):
+def _volume_energy(law, near, spherical, total):
     """(k - (d + 2) G/d) theta^2 / 2, theta = d/m total."""
     strained = near[0] * total
-    return 0.5 * law.spherical[block] * strained * strained
+    return 0.5 * spherical * strained * strained
+
+
+@implements(laws.spherical_part, LinearSolidLaw)
+def _spherical_part(law, block):
+    """Its entry of `spherical`."""
+    return law.spherical[block]
 
 
 @implements(laws.released_stretch, LinearSolidLaw)

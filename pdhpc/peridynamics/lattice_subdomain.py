@@ -158,8 +158,9 @@ def _make_bonds(grid, stencil, block, rows, law, cell_volume):
     """Return the LatticeArrays of the owned cells, every bond to a particle alive."""
     vector = stencil * grid.lattice.spacing
     length = np.sqrt((vector**2).sum(axis=1))
-    weight, moments = np.empty((len(law.density) + 1, len(stencil))), np.empty(len(stencil))
-    _weights(law, 1.0 / length, cell_volume, weight, moments)
+    weight, weight_length = (np.empty((len(law.density) + 1, len(stencil))) for _ in range(2))
+    moments = np.empty(len(stencil))
+    _weights(law, 1.0 / length, length, cell_volume, weight, weight_length, moments)
     limits = np.append(np.diag(law.break_at), law.break_at.min())
     trigger = limits[:, None] * length**2 * (1 - _EARLY)
     alive = np.zeros((-(-len(stencil) // WORD), grid.n_slots), np.uint64)
@@ -167,7 +168,7 @@ def _make_bonds(grid, stencil, block, rows, law, cell_volume):
     near_edge = _spread(grid, (block == MIXED).view(np.uint8))
     _set_bits(offset, block, near_edge, rows.start, rows.width, alive)
     kind = np.full(grid.n_slots // LANES, MIXED, np.uint8)
-    return LatticeArrays(offset, vector, length, 1.0 / length, weight, weight * length, moments, trigger, alive, kind, grid.step, grid.cells, grid.coordinate)
+    return LatticeArrays(offset, vector, length, 1.0 / length, weight, weight_length, moments, trigger, alive, kind, grid.step, grid.cells, grid.coordinate)
 
 
 @kernel
@@ -180,14 +181,19 @@ def _count_present(present, slots, offset, counts):
 
 
 @kernel
-def _weights(law, inv_length, cell_volume, weight, moments):
-    """Store the tables `weight` and `moment_weight` of LatticeArrays."""
+def _weights(law, inv_length, length, cell_volume, weight, weight_length, moments):
+    """Store the tables `weight`, `weight_length` and `moment_weight` of LatticeArrays.
+
+    The modulus comes in last, as it does where kernels look it up: a particle has the same bits whichever way, and blocks of eight differ between ranks.
+    """
     last = len(weight) - 1
     for k in range(len(inv_length)):
         weight[last, k] = bond_weight(law, inv_length[k]) * cell_volume
+        weight_length[last, k] = weight[last, k] * length[k]
         moments[k] = moment_weight(law, inv_length[k]) * cell_volume
         for block in range(last):
             weight[block, k] = weight[last, k] * modulus(law, block)
+            weight_length[block, k] = weight_length[last, k] * modulus(law, block)
 
 
 def _spread(grid, marked):

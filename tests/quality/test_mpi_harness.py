@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from pdhpc.study.verify.launch import launch_command
+from pdhpc.study.launch import launch_command
 
 CONFTEST = Path(__file__).resolve().parents[1] / "conftest.py"
 

@@ -10,7 +10,7 @@ import pytest
 
 from pdhpc import __version__
 from pdhpc.study.verify.case import plate
-from pdhpc.study.verify.launch import launch
+from pdhpc.study.launch import launch
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from pdhpc.output.fields import read_frame, read_points
 from pdhpc.study.verify.case import Check, at_most, case
-from pdhpc.study.verify.launch import launch
+from pdhpc.study.launch import launch
 
 SCENE = Path(__file__).resolve().parents[3] / "runs" / "glass_branching.toml"
 

@@ -7,10 +7,10 @@ import numpy as np
 from pdhpc.peridynamics.fields import strain_energy_density
 from pdhpc.study.verify.case import Check, at_most, case, plate, problem_of
 
-_GRADIENT = {2: np.array([[0.010, 0.004], [-0.002, -0.006]]), 3: np.array([[0.010, 0.004, 0.001], [-0.002, -0.006, 0.003], [0.002, -0.001, 0.005]])}
+GRADIENT = {2: np.array([[0.010, 0.004], [-0.002, -0.006]]), 3: np.array([[0.010, 0.004, 0.001], [-0.002, -0.006, 0.003], [0.002, -0.001, 0.005]])}
 
 
-def _lattice(dim, ratio):
+def lattice_vectors(dim, ratio):
     """Return the bond vectors of an interior particle of a lattice of spacing 1, by brute force."""
     reach = range(-int(ratio) - 1, int(ratio) + 2)
     return np.array([xi for xi in itertools.product(reach, repeat=dim) if 0 < sum(x * x for x in xi) < (ratio + 0.5) ** 2], dtype=float)
@@ -19,7 +19,7 @@ def _lattice(dim, ratio):
 def _discrete_energy(dimension, ratio, gradient, finite):
     """Return the strain energy density of an interior particle from the lattice sum 1/2 sum c beta s^2 r / 2, E = 1, spacing 1, thickness 1."""
     dim = len(gradient)
-    xi = _lattice(dim, ratio)
+    xi = lattice_vectors(dim, ratio)
     r = np.linalg.norm(xi, axis=1)
     moved = xi + xi @ gradient.T
     stretch = np.linalg.norm(moved, axis=1) / r - 1 if finite else np.einsum("nd,nd->n", xi, xi @ gradient.T) / r**2
@@ -55,7 +55,7 @@ def affine_energy():
     checks = []
     for dimension, kinematics in itertools.product(("plane_stress", "plane_strain", "3d"), ("linear", "finite")):
         dim = 3 if dimension == "3d" else 2
-        gradient = 10 * _GRADIENT[dim]  # large, so that finite and linear differ
+        gradient = 10 * GRADIENT[dim]  # large, so that finite and linear differ
         expected = _discrete_energy(dimension, 3.0, gradient, kinematics == "finite")
         measured = _centre_energy(dimension, 3.0, gradient, kinematics)
         checks.append(Check(f"{dimension}, {kinematics}", measured, expected, 1e-12, "lattice sum (brute force)"))
@@ -67,7 +67,7 @@ def affine_energy_converges():
     """strain energy density approaches linear elasticity as horizon/spacing grows"""
     checks = []
     for dimension, ratios in (("plane_stress", (3, 6, 12)), ("plane_strain", (3, 6, 12)), ("3d", (3, 5, 7))):
-        gradient = _GRADIENT[3 if dimension == "3d" else 2]
+        gradient = GRADIENT[3 if dimension == "3d" else 2]
         expected = _continuum_energy(dimension, gradient)
         errors = [abs(_centre_energy(dimension, float(ratio), gradient, "linear") / expected - 1) for ratio in ratios]
         checks.append(at_most(f"{dimension}: relative error at horizon/spacing {ratios[-1]}", errors[-1], 0.01 if dimension != "3d" else 0.03, "Hooke's law"))

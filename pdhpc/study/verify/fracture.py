@@ -10,7 +10,7 @@ import numpy as np
 from pdhpc.output.fields import read_frame, read_points
 from pdhpc.output.history import read_history
 from pdhpc.study.verify.case import Check, at_most, case, plate, problem_of
-from pdhpc.study.verify.launch import launch
+from pdhpc.study.launch import launch
 
 
 def _crossing_energy(dim, ratio, stretch, micromodulus):

@@ -49,12 +49,16 @@ def test_an_empty_box_of_space():
     assert ids.shape == (0,) and points.shape == (0, 2)
 
 
-def test_cells_of_ids_are_where_the_points_are():
+def test_slabs_number_their_particles_by_cells():
     body = LatticeBody(Box((0.1, -1.0, 3.0), (0.8, -0.5, 3.3)), 0.1, 1000, (Box((0.3, -0.8, 3.0), (0.5, -0.6, 3.3)),))
     ids, points = body.points_in(np.full(3, -np.inf), np.full(3, np.inf))
-    cells = body.cell_of(ids)
+    slabs = list(body.slabs_in(np.full(3, -np.inf), np.full(3, np.inf)))
+    cells = np.stack([np.concatenate([slab.number(np.eye(3, dtype=int)[axis], 0) for slab in slabs]) for axis in range(3)], axis=1)
     assert np.array_equal(points, np.stack([body.centres(axis)[cells[:, axis]] for axis in range(3)], axis=1))
     assert np.all(cells >= 0) and np.all(cells < body.cells) and len(np.unique(cells, axis=0)) == len(ids) < 7 * 5 * 3
+    assert np.array_equal(ids, 1000 + cells @ [15, 3, 1])  # the last axis runs fastest
+    inside = np.concatenate([slab.within([1, 0, 0], [3, 5, 2]) for slab in slabs])
+    assert np.array_equal(inside, ((cells >= [1, 0, 0]) & (cells < [3, 5, 2])).all(axis=1))
 
 
 def test_ranges_of_cells_hold_their_lower_and_not_their_upper_bound():

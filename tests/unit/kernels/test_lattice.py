@@ -68,7 +68,7 @@ def test_cells_without_a_particle_feel_and_do_nothing(model):
     if subdomain.state is not None:
         subdomain.state[empty] = 1e6
     rows = np.concatenate(subdomain.rows)
-    arguments = subdomain.bonds.arrays, subdomain.points, law, subdomain.state, False, None, rows
+    arguments = subdomain.bonds.arrays, subdomain.points, law, subdomain.state, None, None, rows
     if subdomain.state is not None:
         sweeps.dilatations(*arguments, particles.dissipated)
     assert sweeps.bond_forces(*arguments, particles.force_density, particles.dissipated) == 0

@@ -18,10 +18,10 @@ def test_kick_uses_each_block_s_density():
 def test_drift_and_place_agree(linear):
     reference, velocity = np.random.default_rng(0).random((3, 4)), np.random.default_rng(1).random((3, 3))
     displacement, position, again = np.full((3, 3), 0.25), np.zeros((3, 4)), np.zeros((3, 4))
-    drift(displacement, velocity, reference, position, linear, 0.5)
+    drift(displacement, velocity, reference, position, linear or None, 0.5)
     assert np.array_equal(displacement, 0.25 + 0.5 * velocity)
     assert np.array_equal(position[:, :3], displacement if linear else reference[:, :3] + displacement)
-    place(reference, displacement, again, linear)
+    place(reference, displacement, again, linear or None)
     assert np.array_equal(again, position)
 
 
@@ -33,8 +33,8 @@ def test_kick_drift_of_arrays_is_kick_then_drift():
         (v, f, u), (w, g, s) = ([a.copy() for a in start] for _ in range(2))
         x, y = np.zeros((5, 4)), np.zeros((5, 4))
         kick(v, f, inverse, block, 0.1)
-        drift(u, v, reference, x, linear, 0.2)
-        kick_drift(w, g, inverse, block, s, reference, y, linear, 0.1, 0.2)
+        drift(u, v, reference, x, linear or None, 0.2)
+        kick_drift(w, g, inverse, block, s, reference, y, linear or None, 0.1, 0.2)
         assert np.array_equal(v, w) and np.array_equal(u, s) and np.array_equal(x, y) and not np.array_equal(u, start[2])
 
 

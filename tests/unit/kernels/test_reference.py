@@ -25,7 +25,7 @@ def _pair(stretch, critical, model="pmb"):
     bonds, _ = find_bonds(x, np.arange(2), 2, 3.0)
     points = family.PointArrays(x, position, np.array([0.5, 0.25]), np.zeros(2, np.uint8), np.full(2, family.MIXED, np.uint8))
     state = None if model == "pmb" else np.zeros((2, 2))
-    return bonds, points, law, state, False, None, np.arange(2, dtype=np.int32), np.full((2, 2), np.nan), np.zeros(2)
+    return bonds, points, law, state, None, None, np.arange(2, dtype=np.int32), np.full((2, 2), np.nan), np.zeros(2)
 
 
 def test_a_stretched_bond_pulls_its_ends_together():
@@ -91,7 +91,7 @@ def test_both_ends_find_the_same_measure(path, dim, linear):
     particles.put(particles.displacement, 1e-4 * np.random.default_rng(3).standard_normal((particles.n_owned, dim)))
     particles.place()
     rows = np.empty((subdomain.bonds.n_directed, 3))
-    assert _measures(subdomain.bonds.arrays, subdomain.points, linear, particles.third, particles.slots, rows) == len(rows)
+    assert _measures(subdomain.bonds.arrays, subdomain.points, particles.linear, particles.third, particles.slots, rows) == len(rows)
     found = {(int(i), int(j)): measure for i, j, measure in rows}
     assert len(found) == len(rows) > 300
     assert all(found[i, j] == found[j, i] for i, j in found)
