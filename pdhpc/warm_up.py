@@ -3,6 +3,8 @@ import itertools
 
 import numpy as np
 
+from pdhpc.conditions.loads import BodyForce, PrescribedMotion
+from pdhpc.conditions.time_functions import Constant
 from pdhpc.geometry.cracks import disk, polyline
 from pdhpc.geometry.lattice import LatticeBody, find_common_lattice
 from pdhpc.geometry.shapes import Box
@@ -15,10 +17,10 @@ from pdhpc.materials.state_based import LinearSolid
 from pdhpc.parallel.partition import Partition
 from pdhpc.peridynamics.bonds import cut_by_cracks
 from pdhpc.peridynamics.critical_step import stable_step
-from pdhpc.peridynamics.fields import strain_energy_density
+from pdhpc.peridynamics.fields import field, strain_energy_density
 from pdhpc.peridynamics.internal_forces import InternalForces
 from pdhpc.peridynamics.lattice_subdomain import make_lattice_subdomain, sample_lattice
-from pdhpc.peridynamics.subdomain import make_subdomain
+from pdhpc.peridynamics.subdomain import make_subdomain, mark_mixed
 
 PATHS, MODELS = ("lattice", "cloud"), ("pmb", "lps")
 
@@ -72,6 +74,7 @@ def _compile(dim, path, model, linear):
         sample_lattice([body], find_common_lattice([body])[0], 0, 1, 2e-3)
     else:
         count_neighbours(particles.reference, 1, 2e-3)
+        mark_mixed(arrays.row_start, arrays.neighbour, particles.volume, particles.block, points.row_block)
     cut_by_cracks(subdomain.bonds, points, polyline([[-1.0, -1.0], [-1.0, -2.0]]) if dim == 2 else disk([-1.0] * 3, [1.0, 0, 0], 0.1))
     count_face(arrays, points, particles.third, slots, np.ones(len(particles.position), bool), 0, 1e-3)
     stable_step(subdomain, law)
@@ -87,3 +90,16 @@ def _compile(dim, path, model, linear):
     motion.first_not_finite(particles.displacement, slots)
     motion.kinetic_energies(particles.velocity, particles.volume, particles.block, law.density, slots, np.empty(len(slots)))
     strain_energy_density(subdomain, law)
+    for name in ("stress", "strain"):
+        field(name, subdomain, law)
+    _compile_loads(particles)
+
+
+def _compile_loads(particles):
+    load = BodyForce(particles.slots[:1], np.zeros((1, particles.dim)), Constant())
+    load.add_to(particles.force_density, 0.0)
+    load.do_work(particles.velocity, 0.0, 1.0)
+    motion = PrescribedMotion(particles.slots[:1], [0], [0.0], Constant(), "velocity")
+    motion.steer(particles.displacement, particles.velocity, 0.0, 1.0)
+    motion.settle(particles.velocity, 0.0)
+    motion.do_work(particles.force_density, particles.velocity, 1.0)

@@ -31,7 +31,7 @@ def rectangle(corner, edge1, edge2):
     """Return the Facet of the parallelogram spanned by two edges from a corner (3D), m."""
     edges = np.array([edge1, edge2], dtype=float)
     normal = np.cross(edges[0], edges[1])
-    return [Facet(np.asarray(corner, float), normal / np.linalg.norm(normal), np.linalg.pinv(edges).T, 0.0)]
+    return [Facet(np.asarray(corner, float), normal / np.linalg.norm(normal), np.ascontiguousarray(np.linalg.pinv(edges).T), 0.0)]
 
 
 def disk(center, normal, radius):

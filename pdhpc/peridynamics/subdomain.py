@@ -142,12 +142,13 @@ def _row_blocks(particles, bonds):
     row_block = particles.owned(particles.block).copy()
     volume, block = particles.volume, particles.block
     if np.ptp(volume) > 0 or np.ptp(block) > 0 if len(volume) else False:
-        _mark_mixed(bonds.arrays.row_start, bonds.arrays.neighbour, volume, block, row_block)
+        mark_mixed(bonds.arrays.row_start, bonds.arrays.neighbour, volume, block, row_block)
     return row_block
 
 
 @kernel
-def _mark_mixed(row_start, neighbour, volume, block, row_block):
+def mark_mixed(row_start, neighbour, volume, block, row_block):
+    """Store MIXED in row_block (n_owned,) of the rows with a neighbour of another block or volume."""
     for i in range(len(row_block)):
         for k in range(row_start[i], row_start[i + 1]):
             j = neighbour[k]

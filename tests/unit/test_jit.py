@@ -37,8 +37,8 @@ class Square(NamedTuple):
     side: float
 
 
-class Circle(NamedTuple):
-    radius: float
+class Hexagon(NamedTuple):
+    side: float
 
 
 def area(shape, times):
@@ -54,9 +54,9 @@ def _area_of_square(shape, times):
     return times * shape.side * shape.side
 
 
-@jit.implements(area, Circle)
-def _area_of_circle(shape, times):
-    return times * 3.0 * shape.radius * shape.radius
+@jit.implements(area, Hexagon)
+def _area_of_hexagon(shape, times):
+    return times * 2.5 * shape.side * shape.side
 
 
 @jit.implements(perimeter, Square)
@@ -79,7 +79,7 @@ def _perimeter(shape):
 
 def test_a_function_has_a_body_for_each_record():
     assert _sum_of_areas(Square(2.0), 3) == 4.0 * (0 + 1 + 2)
-    assert _sum_of_areas(Circle(2.0), 3) == 12.0 * (0 + 1 + 2)
+    assert _sum_of_areas(Hexagon(2.0), 3) == 10.0 * (0 + 1 + 2)
     assert _perimeter(Square(5.0)) == 20.0
 
 
@@ -89,7 +89,7 @@ def test_the_decorated_body_stays_a_plain_function_and_the_empty_one_empty():
 
 def test_a_record_without_a_body_does_not_compile():
     with pytest.raises(numba.core.errors.TypingError, match="perimeter"):
-        _perimeter(Circle(1.0))
+        _perimeter(Hexagon(1.0))
 
 
 def cache_folder(**variables):

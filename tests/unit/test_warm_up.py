@@ -1,13 +1,65 @@
+import subprocess
+import sys
+
 import numpy as np
+import pytest
 
-from pdhpc.warm_up import block, compile_kernels
+from pdhpc.warm_up import MODELS, PATHS, block, compile_kernels
 
 
-def test_blocks():
-    subdomain, law = block(3, 7, 3.0)
-    assert subdomain.particles.n_owned == 343 and subdomain.bonds.family_size.max() == 122
-    assert block(2, 5, 2.0, True)[0].particles.linear and np.isinf(law.critical_stretch).sum() == 0
+@pytest.mark.parametrize("path", PATHS)
+@pytest.mark.parametrize("model", MODELS)
+def test_blocks(path, model):
+    subdomain, law = block(3, 7, 3.0, path=path, model=model)
+    assert subdomain.particles.n_owned == 343 and subdomain.bonds.family_size.max() == 122 and (subdomain.state is None) == (model == "pmb")
+    assert hasattr(subdomain.bonds.arrays, "offset") == (path == "lattice")
+    assert block(2, 5, 2.0, True, path, model)[0].particles.linear and np.isinf(law.critical_stretch).sum() == 0
 
 
 def test_all_kernels_compile():
     compile_kernels()
+
+
+WATCH = """
+import sys
+from numba.core.dispatcher import Dispatcher
+from mpi4py import MPI
+from pdhpc import simulation
+from pdhpc.scene.read import read_scene
+from pdhpc.warm_up import compile_kernels
+
+def compiled():
+    found = set()
+    for name, module in sys.modules.items():
+        if name.startswith("pdhpc."):
+            for each in vars(module).values():
+                if isinstance(each, Dispatcher):
+                    found.update((each.py_func.__module__, each.py_func.__qualname__, str(signature)) for signature in each.signatures)
+    return found
+
+path, model, scene, out = sys.argv[1:]
+overrides = ["particles.path=" + path, "output.pictures=false"]
+scene = read_scene(scene, overrides)
+assert all(material.model == model for material in scene.material)
+compile_kernels((scene.dim,), (path,), (model,))
+before = compiled()
+simulation._compile_first_on_each_node = lambda *arguments: None
+simulation.Simulation(scene, MPI.COMM_SELF).run(out, quiet=True)
+assert len(before) > 10
+for each in sorted(compiled() - before):
+    print(*each)
+"""
+
+
+@pytest.mark.parametrize("path", PATHS)
+@pytest.mark.parametrize("name, model, short", [("everything_2d.toml", "pmb", ("end = 1.0\n", "end = 1e-3\n")), ("everything_3d.toml", "lps", ("end = 1.0\n", "end = 5e-5\n"))])
+def test_a_run_compiles_nothing_that_the_warm_up_left_out(path, name, model, short, tmp_path, request):
+    """One process per node compiles; kernels it leaves out would be compiled by every rank."""
+    text = (request.path.parent / "scene" / name).read_text()
+    for old, new in (short, ("times = [0.5, 1.0]", "frames = 2"), ("history_every = 0.1\n", ""), ("every = 0.3", "frames = 1"), ("window = 0.05", "window = 1e-4")):
+        text = text.replace(old, new)
+    (tmp_path / name).write_text(text)
+    command = [sys.executable, "-c", WATCH, path, model, str(tmp_path / name), str(tmp_path / "out")]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == ""

@@ -166,7 +166,7 @@ def energy_drift():
                 stepper.advance()
             ledger = stepper.ledger()
             # du.(f_n + f_{n+1})/2 is the change of kinetic energy minus that of dt^2/8 m |a|^2; rho = V = 1
-            correction = stepper.dt**2 / 8 * np.square(particles.force_density).sum(axis=1)
+            correction = stepper.dt**2 / 8 * np.square(particles.owned(particles.force_density)).sum(axis=1)
             energies.append(exact_sum(MPI.COMM_SELF, ledger["kinetic_energy"] + ledger["strain_energy"] - correction))
         spread = (max(energies) - min(energies)) / np.mean(energies)
         checks.append(at_most(f"{kinematics}: spread of kinetic + strain - dt^2/8 sum m a^2 over 2000 steps", spread, tolerance, "discrete energy identity"))

@@ -8,7 +8,7 @@ from pdhpc.geometry.shapes import Box
 from pdhpc.kernels.simd import LANES
 from pdhpc.peridynamics.grid import Grid
 
-EXTENTS = ((1, 1), (3, 17), (17, 3), (64, 62), (2, 3, 5), (5, 3, 2), (4, 4, 4), (10, 58, 9), (1, 1, 40))  # 58 + 2 x 3 = 64: rows of a power of two
+EXTENTS = ((1, 1), (3, 17), (17, 3), (64, 62), (2, 3, 5), (5, 3, 2), (4, 4, 4), (10, 58, 9), (1, 1, 40), (3, 500), (4, 10, 50))  # the last two: rows of 512 slots, planes of 64 x 16
 
 
 def lattice(dim):

@@ -6,6 +6,7 @@ from pdhpc.scene.schema import SceneError
 from pdhpc.study import estimate as module
 from pdhpc.study.estimate import _family_size, estimate
 from pdhpc.study.verify.case import plate, problem_of
+from pdhpc.warm_up import PATHS
 
 NO_FAIL = '[[region]]\nname = "part"\nshape = "half_space"\npoint = [{x}, 0.0]\nnormal = [1.0, 0.0]\n[damage]\nno_fail = ["part"]\n'
 
@@ -14,17 +15,23 @@ def test_family_sizes_of_known_lattices():
     assert _family_size(3, 3.0 + 1e-9) == 122 and _family_size(2, 3.0 + 1e-9) == 28 and _family_size(2, 1.5) == 8
 
 
-def test_a_small_scene_is_counted():
+CHOICES = [[f"particles.path={path}", *model] for path in PATHS for model in ([], ["material.solid.model=lps", "material.solid.poissons_ratio=0.2"])]
+
+
+@pytest.mark.parametrize("overrides", CHOICES, ids=lambda overrides: " ".join(overrides))
+def test_a_small_scene_is_counted(overrides):
     text = plate((30, 20))
-    found, problem = estimate(parse_scene(text, "t"), 3), problem_of(text)
+    found, problem = estimate(parse_scene(text, "t", overrides), 3), problem_of(text, overrides)
+    assert found.path == problem.body.path and found.path.startswith(overrides[0].split("=")[1])
     assert found.exact and found.particles == 600 and found.bonds == problem.subdomain.bonds.n_directed // 2
     assert found.critical_dt == problem.critical_dt and found.steps == problem.n_steps and found.ranks == 3
     assert found.rate > 1e5 and 0 < found.memory < 1e6
 
 
 @pytest.mark.parametrize("dimension, cells", [("plane_stress", (60, 50)), ("3d", (16, 15, 14))])
-def test_a_large_scene_is_estimated_close_to_what_it_is(monkeypatch, dimension, cells):
-    scene = parse_scene(plate(cells, dimension=dimension), "t")
+@pytest.mark.parametrize("overrides", CHOICES, ids=lambda overrides: " ".join(overrides))
+def test_a_large_scene_is_estimated_close_to_what_it_is(monkeypatch, dimension, cells, overrides):
+    scene = parse_scene(plate(cells, dimension=dimension), "t", overrides)
     exact = estimate(scene)
     monkeypatch.setattr(module, "_SMALL", 0)
     monkeypatch.setattr(module, "_SLAB_POINTS", 500)
