@@ -51,6 +51,7 @@ def _parser():
     scale.add_argument("-o", "--output", metavar="DIR", required=True, help="folder for scaling.csv, pictures and a file for each launch")
     scale.add_argument("--point", type=int, default=None, metavar="K", help="only the K-th number of ranks, from 0 (for job arrays)")
     scale.add_argument("--overwrite", action="store_true", help="run again what DIR holds already")
+    scale.add_argument("--predict", default=None, metavar="MACHINE", help="predict other machines from the runs on 1 and 2 ranks: a preset or a TOML file")
     scale.add_argument("--set", action="append", default=[], metavar="key=value", dest="overrides", help="change a key of the study; may be repeated")
     scale.set_defaults(action=_scale)
     return parser
@@ -178,8 +179,23 @@ def _scale(options):
     from pdhpc.study.scaling import run_study
     from pdhpc.study.scaling_report import report
 
+    machine = None
+    if options.predict is not None:
+        from pdhpc.study.predictor import read_machine
+
+        machine = read_machine(options.predict)  # before anything runs
     study, rows = run_study(options.study, options.output, options.overrides, options.point, options.overwrite)
-    for picture in report(study, rows, options.output):
+    pictures = report(study, rows, options.output)
+    if machine is not None:
+        from pathlib import Path
+
+        from pdhpc.scene.build import radius_of
+        from pdhpc.study.scaling import scene_of_point
+        from pdhpc.study.scaling_report import report_prediction
+
+        scene = scene_of_point(study, Path(options.study).parent, 1)
+        pictures.append(report_prediction(study, rows, scene.dim, radius_of(scene) / scene.particles.spacing, options.predict, options.output))
+    for picture in pictures:
         print(f"picture: {picture}")
     print(f"rows: {options.output}/scaling.csv")
     return 0

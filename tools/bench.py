@@ -32,11 +32,12 @@ velocity all set 0 0 0 sum no units box
 fix 1 all nve
 timestep 1.0e-8
 velocity all ramp vx -1.0 1.0 x 0 $L units box
-velocity all ramp vy -1.0 1.0 y 0 $L units box sum yes
-velocity all ramp vz -1.0 1.0 z 0 $L units box sum yes
+{stretch}
 run 2
 run {steps}
 """
+STRETCH_ALL = """velocity all ramp vy -1.0 1.0 y 0 $L units box sum yes
+velocity all ramp vz -1.0 1.0 z 0 $L units box sum yes"""
 PAIRS = {
     "pmb": "pair_style peri/pmb\npair_coeff * * 1.6863e22 0.0015001 0.01 0.25",
     "lps": "pair_style peri/lps\npair_coeff * * 14.9e9 8.94e9 0.0015001 0.01 0.25",
@@ -71,7 +72,7 @@ pictures = false
 frames = 1
 history_every = 1e-7
 """
-FLOPS = {("pmb", 3): 28, ("pmb", 2): 22, ("lps", 3): 55}  # per directed bond: additions and multiplications, a fused one counted twice, rsqrt as 12
+FLOPS = {("pmb", 3): 28, ("pmb", 2): 22, ("lps", 3): 55, ("lps", 2): 45}  # per directed bond: additions and multiplications, a fused one counted twice, rsqrt as 12
 ROOT = Path(__file__).resolve().parents[1]
 
 
@@ -150,7 +151,7 @@ def _worker(words, environment=None, ranks=None):
 def _lammps(program, pair):
     """Return particle-steps per second of LAMMPS's pair style alone."""
     with tempfile.TemporaryDirectory() as folder:
-        (Path(folder) / "in").write_text(LAMMPS_INPUT.format(pair=PAIRS[pair], steps=LAMMPS_STEPS))
+        (Path(folder) / "in").write_text(LAMMPS_INPUT.format(pair=PAIRS[pair], steps=LAMMPS_STEPS, stretch=STRETCH_ALL if pair == "contact" else ""))
         out = subprocess.run([program, "-in", "in", "-log", "none"], cwd=folder, capture_output=True, text=True, check=True).stdout
     seconds = float(re.findall(r"^Pair\s*\|\s*([0-9.e+-]+)", out, re.M)[-1])  # of the last run
     return SIDE**3 * LAMMPS_STEPS / seconds
@@ -177,6 +178,7 @@ def run_rank(dim, cells, path, steps):
 
     dim, cells, steps = int(dim), int(cells), int(steps)
     with tempfile.TemporaryDirectory() as folder:
+        Simulation(parse_scene(scene_text(dim, 10, path, 2), "block")).run(Path(folder) / "first", quiet=True)  # everything imported and compiled
         simulation = Simulation(parse_scene(scene_text(dim, cells, path, steps), "block"))
         bare = simulation.stepper.internal
         for _ in range(3):
@@ -185,15 +187,13 @@ def run_rank(dim, cells, path, steps):
         for _ in range(30):
             bare.evaluate()
         seconds = (time.perf_counter() - started) / 30
-        before = sum(simulation.seconds.values())
         started = time.perf_counter()
-        simulation.run(folder, quiet=True)
+        simulation.run(Path(folder) / "second", quiet=True)
         whole = (time.perf_counter() - started) / steps
         started = time.perf_counter()
         for _ in range(30):
             bare.evaluate()
         seconds = (seconds + (time.perf_counter() - started) / 30) / 2
-    del before
     subdomain = simulation.problem.subdomain
     particles = subdomain.particles.n_owned
     bonds = subdomain.bonds.n_directed / particles
@@ -249,6 +249,40 @@ def steps(dim, cells, path, count):
         print(json.dumps({"seconds": seconds, "wait": (stepper.seconds["wait"] - waited) / seconds}))
 
 
+def prediction():
+    """The predictor of `pdhpc scale`, calibrated on one size, against runs of three others, on 1 and 2 ranks."""
+    from pdhpc.study.predictor import Machine, calibrate, predict
+
+    for dim, sizes in ((2, (500, 250, 700, 1000)), (3, (60, 46, 80, 100))):
+        rows = {size: {ranks: [] for ranks in (1, 2)} for size in sizes}
+        for _ in range(3):
+            for size in sizes:
+                for ranks in (1, 2):
+                    rows[size][ranks].append(_worker(["row", str(dim), str(size), str(max(10, int(2e7 / size**dim * (3 if dim == 2 else 1))))], ranks=ranks))
+        cost, crowding = calibrate([row for found in rows[sizes[0]].values() for row in found], dim, 3.0)
+        here = Machine("here", "measured", 2, 1e12, 1e-6, 1e11, 1e-6, 1.0, crowding)
+        print(f"prediction: {dim}D, {sizes[0] ** dim:,} particles: {cost.slot * 1e9:.1f} ns a slot, {cost.ghost * 1e9:.0f} ns a ghost, crowding {crowding:.2f}")
+        for size in sizes[1:]:
+            for ranks in (1, 2):
+                measured = statistics.median(row["seconds"] / row["steps"] for row in rows[size][ranks])
+                found = predict((size,) * dim, 3.0, ranks, here, cost).seconds
+                print(f"prediction: {dim}D, {size**dim:,} particles, {ranks} ranks: {found * 1e3:.3g} ms a step, measured {measured * 1e3:.3g} ({found / measured - 1:+.0%})")
+
+
+def row(dim, cells, count):
+    """One rank of `prediction`: the row of a scaling study."""
+    from mpi4py import MPI
+
+    from pdhpc.scene.read import parse_scene
+    from pdhpc.study.scaling import Study
+    from pdhpc.study.scaling_point import measure
+
+    study = Study(scene="-", kind="strong", ranks=[MPI.COMM_WORLD.size], steps=int(count), warm_up=3, output=False)
+    found = measure(study, parse_scene(scene_text(int(dim), int(cells), "lattice", 100), "block"), MPI.COMM_WORLD)
+    if MPI.COMM_WORLD.rank == 0:
+        print(json.dumps(found))
+
+
 def setup():
     """Seconds to make particles and bonds on 2 ranks, kernels warm, and the most memory a particle takes, two steps and the energies included."""
     for path, cells in (("cloud", 100), ("lattice", 100), ("lattice", 216)):
@@ -297,8 +331,8 @@ def startup():
         print(f"startup: pdhpc {' '.join(words[:1])}: median {statistics.median(seconds[1:]):.2f} s")
 
 
-PARTS = {"kernel": kernel, "run": run, "scaling": scaling, "setup": setup, "startup": startup}
-WORKERS = {"rates": rates, "run-rank": run_rank, "steps": steps, "setup-rank": setup_rank}
+PARTS = {"kernel": kernel, "run": run, "scaling": scaling, "prediction": prediction, "setup": setup, "startup": startup}
+WORKERS = {"rates": rates, "run-rank": run_rank, "steps": steps, "row": row, "setup-rank": setup_rank}
 
 if __name__ == "__main__":
     if sys.argv[1:2] and sys.argv[1] in WORKERS:

@@ -1,13 +1,13 @@
 """Predict how a lattice body scales on machines nobody has here: the program's partition without its particles, and a model of a step.
 
-    t = max over ranks of [ blocks 8 c max(1, bytes cores / bandwidth / (8 c)) + ghosts g + neighbours latency + bytes sent / share of the network ]
+    t = max over ranks of [ 8 blocks max(c, bytes / share of the memory bandwidth) + ghosts g + neighbours latency + bytes sent / share of the network ]
 
-c, seconds a slot and step, and g, seconds a ghost and step, are calibrated by runs on this machine. A rank sweeps whole blocks of eight slots. Ignored:
-contention in the network and its topology, noise of the operating system, placement in a node, overlap of messages with work (pessimistic), breaking
-bonds, energies and output.
+c, seconds a slot and step, and g, seconds a ghost and step (packing, unpacking, waiting), are calibrated by runs on this machine. A rank sweeps whole blocks
+of eight slots. IGNORED says what is left out.
 """
 import itertools
 import math
+import statistics
 from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
@@ -19,13 +19,20 @@ from pdhpc.scene.read import tomllib
 from pdhpc.scene.schema import SceneError
 
 LANES = 8
+IGNORED = (
+    "contention in the network and its topology; noise of the operating system; where ranks lie in a node; the overlap of messages with work (pessimistic);"
+    " caches that hold a small share whole (pessimistic); bonds that break; energies and output"
+)
+"""What a prediction leaves out."""
 MACHINES = Path(__file__).parent / "machines"
 _GHOST_BYTES = 8  # a coordinate
 _SLOT_BYTES = 12 * 8  # a slot, a coordinate and a step: 3 reads and 2 writes of two passes of integration, 1 read and 1 write (and its ownership) of forces
 
 
 class Machine(NamedTuple):
-    """A machine: see machines/*.toml for units; core_speed is relative to the core that was calibrated."""
+    """A machine: see machines/*.toml for units; core_speed is relative to the core that was calibrated;
+    crowding: how much slower a core is when all of its node work.
+    """
 
     name: str
     source: str
@@ -35,10 +42,11 @@ class Machine(NamedTuple):
     network_bandwidth: float
     node_latency: float
     core_speed: float
+    crowding: float = 1.0
 
 
 class Cost(NamedTuple):
-    """What was calibrated: slot and ghost, seconds each and step."""
+    """What was calibrated on one core: slot and ghost, seconds each and step."""
 
     slot: float
     ghost: float
@@ -77,9 +85,9 @@ def read_machine(name):
         if word not in Machine._fields:
             raise SceneError(f"{path}: {word} is no key of a machine; allowed is {', '.join(Machine._fields)}")
     for word in Machine._fields:
-        if word not in data:
-            raise SceneError(f"{path}: {word} is missing")
-        if word not in ("name", "source") and not (isinstance(data[word], (int, float)) and data[word] > 0):
+        if word not in data and word not in Machine._field_defaults:
+            raise SceneError(f"{path}: {word} is missing; allowed is {', '.join(Machine._fields)}")
+        if word in data and word not in ("name", "source") and not (isinstance(data[word], (int, float)) and data[word] > 0):
             raise SceneError(f"{path}: {word} = {data[word]}; allowed is a number above 0")
     return Machine(**data)
 
@@ -177,7 +185,8 @@ def predict(cells, ratio, ranks, machine, cost):
     per_node = min(ranks, machine.cores_per_node)
     slowest = (0.0, 0.0, 0.0)
     for share in VirtualPartition(cells, ratio).shares(ranks):
-        seconds = max(cost.slot / machine.core_speed, dim * _SLOT_BYTES * per_node / machine.memory_bandwidth)
+        crowding = 1.0 + (machine.crowding - 1.0) * (per_node - 1) / max(1, machine.cores_per_node - 1)
+        seconds = max(cost.slot * crowding / machine.core_speed, dim * _SLOT_BYTES * per_node / machine.memory_bandwidth)
         work = share.blocks * LANES * seconds
         latency = machine.network_latency if nodes > 1 else machine.node_latency
         bandwidth = machine.network_bandwidth / per_node if nodes > 1 else machine.memory_bandwidth / (4 * per_node)
@@ -220,13 +229,17 @@ def curves(dim, ratio, machine, cost, sizes=(1e6, 1e7, 1e8, 1e9), most=65536):
 
 
 def calibrate(rows, dim, ratio):
-    """Return the Cost out of rows of a scaling study on 1 and on 2 ranks of one size (medians are the caller's).
+    """Return (Cost, crowding) out of rows of a scaling study of one body on 1 and on 2 ranks, medians of its repeats.
 
-    c = t_1 / slots on one rank; g = (t_2 - c slots_2) / ghosts_2, at least 0.
+    c = (force + integrate)/slots on one rank; crowding = the same on two ranks over it; g = (exchange + wait)/ghosts on two ranks.
     """
-    one, two = (next(row for row in rows if row["ranks"] == count) for count in (1, 2))
-    cells = (round(one["particles"] ** (1 / dim)),) * dim
-    alone, shared = (max(VirtualPartition(cells, ratio).shares(count), key=lambda share: share.blocks) for count in (1, 2))
-    slot = one["seconds"] / one["steps"] / (alone.blocks * LANES)
-    left = two["seconds"] / two["steps"] - slot * shared.blocks * LANES
-    return Cost(slot, max(0.0, left / max(1, shared.ghosts)))
+    work, messages, shares = {}, {}, {}
+    for ranks in (1, 2):
+        here = [row for row in rows if row["ranks"] == ranks]
+        if not here:
+            raise SceneError(f"a prediction is calibrated by runs on 1 and on 2 ranks; there is none on {ranks}")
+        cells = (round(here[0]["particles"] ** (1 / dim)),) * dim
+        shares[ranks] = max(VirtualPartition(cells, ratio).shares(ranks), key=lambda share: share.blocks)
+        work[ranks] = statistics.median((row["force_mean"] + row["integrate_mean"]) / row["steps"] for row in here) / (shares[ranks].blocks * LANES)
+        messages[ranks] = statistics.median((row["exchange_mean"] + row["wait_mean"]) / row["steps"] for row in here)
+    return Cost(work[1], messages[2] / max(1, shares[2].ghosts)), work[2] / work[1]

@@ -25,6 +25,35 @@ def report(study, rows, directory):
     return [_draw_efficiency(study, measured, Path(directory)), _draw_phases(study, measured, Path(directory))]
 
 
+def report_prediction(study, rows, dim, ratio, name, directory):
+    """Print what the calibrated model predicts for a machine, and draw prediction.png; return its path."""
+    from rich.console import Console
+    from rich.table import Table
+
+    from pdhpc.study.predictor import IGNORED, calibrate, curves, read_machine
+
+    machine = read_machine(name)
+    cost, _ = calibrate(rows, dim, ratio)
+    strong, weak = curves(dim, ratio, machine, cost)
+    table = Table("particles", "ranks", "ms a step", "million particle-steps/s", "efficiency", "messages", box=None, padding=(0, 2, 0, 0))
+    for size, points in strong.items():
+        for point in points[:: max(1, len(points) // 4)]:
+            efficiency = points[0].seconds / (point.seconds * point.ranks)
+            cells = f"{point.seconds * 1e3:.4g}", f"{point.rate / 1e6:.4g}", f"{efficiency:.0%}", f"{point.messages / point.seconds:.0%}"
+            table.add_row(f"{size:.0e}", f"{point.ranks:,}", *cells)
+    console = Console()
+    console.print(f"predicted for {machine.name} ({machine.source})")
+    (console if console.is_terminal else Console(width=200)).print(table)
+    console.print(f"ignored: {IGNORED}")
+    figure, axes = _figure(study)
+    for size, points in strong.items():
+        axes.plot([p.ranks for p in points], [points[0].seconds / (p.seconds * p.ranks) for p in points], "-", label=f"strong, {size:.0e} particles")
+    for size, points in weak.items():
+        axes.plot([p.ranks for p in points], [points[0].seconds / p.seconds for p in points], "--", label=f"weak, {size:.0e} a rank")
+    axes.set(xlabel="ranks", ylabel="efficiency (predicted)", xscale="log", ylim=(0, 1.1), title=machine.name)
+    return _save(figure, axes, Path(directory) / "prediction.png")
+
+
 def _draw_efficiency(study, measured, directory):
     """Efficiency over ranks, with the ideal."""
     figure, axes = _figure(study)
