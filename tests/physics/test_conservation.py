@@ -4,7 +4,10 @@ import itertools
 import numpy as np
 import pytest
 
+from pdhpc.scene.read import parse_scene
+from pdhpc.simulation import Simulation
 from pdhpc.study.verify.case import plate, problem_of
+from pdhpc.study.verify.fracture import GROWING_CRACK
 from pdhpc.warm_up import MODELS, PATHS
 
 CHOICES = list(itertools.product(PATHS, MODELS, ("linear", "finite")))
@@ -91,3 +94,26 @@ def test_a_stretched_strip_narrows_by_its_poissons_ratio(path, nu):
     eps_yy = np.polyfit(x[middle & (np.abs(x[:, 1]) < 5), 1], u[middle & (np.abs(x[:, 1]) < 5), 1], 1)[0]
     assert -eps_yy / eps_xx == pytest.approx(nu, abs=0.04)
     assert 1e-3 / eps_xx == pytest.approx(1.0, rel=0.15), "softer or stiffer by the layer of a horizon at the free sides"
+
+
+GLASS = {"pmb": [], "lps": ["material.glass.model=lps", "material.glass.poissons_ratio=0.22"]}
+
+
+def imbalance(path, model, comm, safety=0.9):
+    """Balance error over dissipated energy of a crack that has grown for 14 microseconds."""
+    scene = parse_scene(GROWING_CRACK, "crack", ["time.end=14e-6", f"time.safety={safety}", f"particles.path={path}", *GLASS[model]])
+    record = Simulation(scene, comm).run(quiet=True)
+    assert record["broken_bonds"] > 500
+    return abs(record["energies"]["balance_error"] / record["energies"]["dissipated_energy"])
+
+
+@pytest.mark.parametrize("path", PATHS)
+def test_the_balance_of_a_crack_in_a_linear_solid_closes_with_the_step(path, comm):
+    """First order: a quarter of the step leaves a quarter of the error, within a third of it."""
+    assert imbalance(path, "lps", comm, 0.225) == pytest.approx(imbalance(path, "lps", comm) / 4, rel=1 / 3)
+
+
+@pytest.mark.parametrize("path, model", list(itertools.product(PATHS, MODELS)))
+def test_the_balance_of_a_crack_closes_at_the_default_step_as_well_as_crack_balance_asks(path, model, comm):
+    """0.15 is what `pdhpc verify crack_balance` allows of the default model."""
+    assert imbalance(path, model, comm) < 0.15

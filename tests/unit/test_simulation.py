@@ -55,7 +55,6 @@ def test_a_few_lines_of_python_without_output(comm, overrides):
     record = Simulation(parse_scene(GROWING_CRACK, "crack", ["time.end=8e-6", *overrides]), comm).run(quiet=True)
     assert record["status"] == "done" and record["energies"]["external_work"] > 0
     assert record["path"].startswith(overrides[0].split("=")[1]) and record["bytes_sent_per_step"] == record["ghosts"] == 0
-    assert record["balance_error_relative"] < 1e-3
 
 
 @pytest.mark.parametrize("overrides", CHOICES, ids=lambda overrides: " ".join(overrides))

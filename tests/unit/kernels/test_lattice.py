@@ -19,7 +19,7 @@ def _count(words, counts):
 
 
 def test_count_bits():
-    words = np.concatenate([[0, 1, 2**63, 2**64 - 1], np.random.default_rng(0).integers(0, 2**64, 200, dtype=np.uint64)]).astype(np.uint64)
+    words = np.concatenate([np.array([0, 1, 255, 2**63, 2**64 - 1], np.uint64), np.random.default_rng(0).integers(0, 2**64, 200, dtype=np.uint64)])
     counts = np.empty(len(words), np.int64)
     _count(words, counts)
     assert counts.tolist() == [bin(int(word)).count("1") for word in words]
