@@ -14,6 +14,7 @@ from pdhpc.kernels.neighbours import count_neighbours
 from pdhpc.materials.bond_based import BondBased
 from pdhpc.materials.law import Setting
 from pdhpc.materials.state_based import LinearSolid
+from pdhpc.parallel.comm import compile_exact_sum
 from pdhpc.parallel.partition import Partition
 from pdhpc.peridynamics.bonds import cut_by_cracks
 from pdhpc.peridynamics.critical_step import stable_step
@@ -90,6 +91,7 @@ def _compile(dim, path, model, linear):
     motion.first_not_finite(particles.displacement, slots)
     motion.kinetic_energies(particles.velocity, particles.volume, particles.block, law.density, slots, np.empty(len(slots)))
     strain_energy_density(subdomain, law)
+    compile_exact_sum()
     for name in ("stress", "strain"):
         field(name, subdomain, law)
     _compile_loads(particles)

@@ -99,6 +99,13 @@ def exact_sum(comm, values):
     return _scaled((int(total[0]) << bits) + int(total[1]), exponent - 2 * bits)
 
 
+def compile_exact_sum():
+    """Compile what exact_sum computes on each rank. Local."""
+    values = np.ones(1)
+    _largest_magnitude(values)
+    _integer_sums(values, 60, 1)
+
+
 @kernel
 def _largest_magnitude(values):
     """Return max |values|, infinity when one is not finite, 0 without any."""
