@@ -178,7 +178,7 @@ def run_rank(dim, cells, path, steps):
 
     dim, cells, steps = int(dim), int(cells), int(steps)
     with tempfile.TemporaryDirectory() as folder:
-        Simulation(parse_scene(scene_text(dim, 10, path, 2), "block")).run(Path(folder) / "first", quiet=True)  # everything imported and compiled
+        Simulation(parse_scene(scene_text(dim, 10, path, 100), "block")).run(Path(folder) / "first", quiet=True)  # everything imported and compiled
         simulation = Simulation(parse_scene(scene_text(dim, cells, path, steps), "block"))
         bare = simulation.stepper.internal
         for _ in range(3):
