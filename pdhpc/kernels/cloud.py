@@ -77,11 +77,27 @@ def _row_width(bonds):
     return 1
 
 
+@implements(family.over_mass, BondArrays)
+def _over_mass(bonds, i):
+    return 1.0
+
+
+@implements(family.over_energy, BondArrays)
+def _over_energy(bonds, i):
+    return 1.0
+
+
 @implements(family.force_row, BondArrays)
 def _force_row(bonds, i, points, law, state, linear, third, force_density):
-    block = points.row_block[i]
-    if block == MIXED:
+    if points.row_block[i] == MIXED:
         return reference.force_on(bonds, i, points, law, state, linear, third, force_density)
+    return force_of_row(bonds, None, i, points, law, state, linear, third, force_density)
+
+
+@inlined
+def force_of_row(bonds, shares, i, points, law, state, linear, third, force_density):
+    """Sum the forces on a particle, of bonds shared as `shares` (shared.CloudShares) says, or of whole ones (None)."""
+    block = points.row_block[i]
     near = near_end(law, points, state, i, i)
     fx, fy, fz, beyond = splat(0.0), splat(0.0), splat(0.0), lane_mask(np.uint8(0))
     limit = law.break_at[block, block]
@@ -91,10 +107,14 @@ def _force_row(bonds, i, points, law, state, linear, third, force_density):
         measure, stretch, shrink, dx, dy, dz = _strains(bonds, i, k, points, inv_l, linear, third)
         tension = pull(law, near, far_ends(law, state, bonds, k), bond_weight(law, inv_l), stretch, shrink)
         beyond = either(beyond, both(live, measure > limit))
+        if shares is not None:
+            tension = tension * load8(shares.weight, shares.row_start[shares.row[i]] + k - bonds.row_start[i])
         fx, fy = select(live, fma(tension, dx, fx), fx), select(live, fma(tension, dy, fy), fy)
         if third is not None:
             fz = select(live, fma(tension, dz, fz), fz)
     volume = points.volume[i]
+    if shares is not None:
+        volume = volume * shares.over_mass[shares.row[i]]
     force_density[i, 0] = lane_sum(fx) * volume
     force_density[i, 1] = lane_sum(fy) * volume
     if third is not None:
@@ -104,18 +124,29 @@ def _force_row(bonds, i, points, law, state, linear, third, force_density):
 
 @implements(family.dilatation_row, BondArrays)
 def _dilatation_row(bonds, i, points, law, state, linear, third):
-    block = points.row_block[i]
-    if block == MIXED:
+    if points.row_block[i] == MIXED:
         return reference.dilatation_of(bonds, i, points, law, state, linear, third)
+    return dilatation_of_row(bonds, None, i, points, law, state, linear, third)
+
+
+@inlined
+def dilatation_of_row(bonds, shares, i, points, law, state, linear, third):
+    """Set p of a particle; `shares` as of force_of_row."""
+    block = points.row_block[i]
     total, beyond, limit = splat(0.0), lane_mask(np.uint8(0)), law.break_at[block, block]
     for k in range(bonds.row_start[i], bonds.row_start[i + 1], LANES):
         live = lane_mask(at(bonds.alive, k >> 3))
         inv_l = load8(bonds.inv_length, k)
         measure, stretch, shrink, dx, dy, dz = _strains(bonds, i, k, points, inv_l, linear, third)
         extension = measure if linear is not None else root8(measure) - 1.0
+        if shares is not None:
+            extension = extension * load8(shares.weight, shares.row_start[shares.row[i]] + k - bonds.row_start[i])
         total = select(live, fma(moment_weight(law, inv_l), extension, total), total)
         beyond = either(beyond, both(live, measure > limit))
-    state[i, 1] = law.volumetric[block] * state[i, 0] * state[i, 0] * lane_sum(total) * points.volume[i]
+    volume = points.volume[i]
+    if shares is not None:
+        volume = volume * shares.over_energy[shares.row[i]]
+    state[i, 1] = law.volumetric[block] * state[i, 0] * state[i, 0] * lane_sum(total) * volume
     return any_of(beyond)
 
 

@@ -1,6 +1,7 @@
 """What a sweep asks about the bonds of a particle, whichever way they are stored: each storage fills these functions in (pdhpc.jit.implements).
 
-Storages: BondArrays (cloud.py, compressed rows), LatticeArrays (lattice.py, a stencil and bits), SharedBonds (shared.py, weighted bonds of marked particles).
+Storages: BondArrays (cloud.py, compressed rows), LatticeArrays (lattice.py, a stencil and bits), CloudShares and LatticeShares (shared.py, weighted bonds of
+marked particles).
 Particles are named by their slot i, a row of the arrays of `PointArrays`; k counts bonds from first_bond(bonds, i) to end_of_bonds(bonds, i) - 1, the same
 bonds in the same order on any rank.
 """
@@ -68,6 +69,14 @@ def place(bonds, points, i):
 
 def share(bonds, i, k):
     """Return the weight of the bond: 1 unless its particle is marked (kernels/shared.py)."""
+
+
+def over_mass(bonds, i):
+    """Return one over the share of the particle's mass that is here: 1 unless it is marked."""
+
+
+def over_energy(bonds, i):
+    """Return one over the share of the particle's energy that is here, 0 where none is: 1 unless it is marked."""
 
 
 def force_row(bonds, i, points, law, state, linear, third, force_density):

@@ -105,9 +105,37 @@ def _share(bonds, i, k):
     return 1.0
 
 
+@implements(family.over_mass, LatticeArrays)
+def _over_mass(bonds, i):
+    return 1.0
+
+
+@implements(family.over_energy, LatticeArrays)
+def _over_energy(bonds, i):
+    return 1.0
+
+
 @implements(family.row_width, LatticeArrays)
 def _row_width(bonds):
     return LANES
+
+
+@inlined
+def weight_of_eight(shares, i, k):
+    """Return the weights of bond k of eight particles."""
+    return load8(shares.weight, LANES * (shares.row[i >> 3] * len(shares.bonds.offset) + k))
+
+
+@inlined
+def over_mass_of_eight(shares, i):
+    """Return one over the mass shares of eight particles."""
+    return load8(shares.over_mass, LANES * shares.row[i >> 3])
+
+
+@inlined
+def over_energy_of_eight(shares, i):
+    """Return one over the energy shares of eight particles."""
+    return load8(shares.over_energy, LANES * shares.row[i >> 3])
 
 
 @inlined
@@ -121,14 +149,20 @@ def count_bits(word):
 
 @implements(family.force_row, LatticeArrays)
 def _force_row(bonds, i, points, law, state, linear, third, force_density):
-    kind = bonds.kind[i >> 3]
-    if kind == MIXED:
-        return _block_force(bonds, i, points, law, state, linear, third, force_density, mixed_ends(law, state, i), len(bonds.weight) - 1)
-    return _block_force(bonds, i, points, law, state, linear, third, force_density, uniform_ends(law, state, i), np.int64(kind))
+    return force_of_eight(bonds, None, i, points, law, state, linear, third, force_density)
 
 
 @inlined
-def _block_force(bonds, i, points, law, state, linear, third, force_density, near, row):
+def force_of_eight(bonds, shares, i, points, law, state, linear, third, force_density):
+    """Sum the forces on eight particles, of bonds shared as `shares` (shared.LatticeShares) says, or of whole ones (None)."""
+    kind = bonds.kind[i >> 3]
+    if kind == MIXED:
+        return _block_force(bonds, shares, i, points, law, state, linear, third, force_density, mixed_ends(law, state, i), len(bonds.weight) - 1)
+    return _block_force(bonds, shares, i, points, law, state, linear, third, force_density, uniform_ends(law, state, i), np.int64(kind))
+
+
+@inlined
+def _block_force(bonds, shares, i, points, law, state, linear, third, force_density, near, row):
     """Sum the forces on eight particles; near: what the law needs of them; row: of the tables of weights and triggers."""
     position, n, count = points.position, len(points.position), len(bonds.offset)
     px, py = load8(position, i), load8(position, n + i)
@@ -148,9 +182,14 @@ def _block_force(bonds, i, points, law, state, linear, third, force_density, nea
             else:  # weight (C (1 - |xi|/|y|) + P |xi|/|y|)
                 tension = fnma(as_vector(at(bonds.weight_length, row * count + k) * (c - p)), rsqrt8(along2), as_vector(at(bonds.weight, row * count + k) * c))
             tension = select(live, tension, splat(0.0))
+            if shares is not None:
+                tension = tension * weight_of_eight(shares, i, k)
             fx, fy = fma(tension, dx, fx), fma(tension, dy, fy)
             if third is not None:
                 fz = fma(tension, dz, fz)
+    if shares is not None:
+        over = over_mass_of_eight(shares, i)
+        fx, fy, fz = fx * over, fy * over, fz * over
     store8(force_density, i, fx)
     store8(force_density, n + i, fy)
     if third is not None:
@@ -160,6 +199,12 @@ def _block_force(bonds, i, points, law, state, linear, third, force_density, nea
 
 @implements(family.dilatation_row, LatticeArrays)
 def _dilatation_row(bonds, i, points, law, state, linear, third):
+    return dilatation_of_eight(bonds, None, i, points, law, state, linear, third)
+
+
+@inlined
+def dilatation_of_eight(bonds, shares, i, points, law, state, linear, third):
+    """Set p of eight particles; `shares` as of force_of_eight."""
     kind = bonds.kind[i >> 3]
     row = len(bonds.weight) - 1 if kind == MIXED else np.int64(kind)
     position, n, count = points.position, len(points.position), len(bonds.offset)
@@ -173,7 +218,11 @@ def _dilatation_row(bonds, i, points, law, state, linear, third):
             live = has_bit(states, k - WORD * word)
             beyond = either(beyond, both(live, along2 > at(bonds.trigger, row * count + k)))
             s = select(live, _stretches(bonds, k, along2, linear), splat(0.0))
+            if shares is not None:
+                s = s * weight_of_eight(shares, i, k)
             total = fma(s, splat(at(bonds.moment_weight, k)), total)
+    if shares is not None:
+        total = total * over_energy_of_eight(shares, i)
     a = load8(state, i)
     if kind == MIXED:
         store8(state, n + i, a * a * total * pick8(law.volumetric, points.block, i))
@@ -198,15 +247,21 @@ def _vectors(bonds, position, j, k, px, py, pz, linear, third):
 
 @implements(family.energy_row, LatticeArrays)
 def _energy_row(bonds, i, points, law, state, linear, third, energy):
-    kind = bonds.kind[i >> 3]
-    if kind == MIXED:
-        _block_energy(SeveralBlocks(0), bonds, i, points, law, state, linear, third, energy)
-    else:
-        _block_energy(OneBlock(kind), bonds, i, points, law, state, linear, third, energy)
+    energy_of_eight(bonds, None, i, points, law, state, linear, third, energy)
 
 
 @inlined
-def _block_energy(which, bonds, i, points, law, state, linear, third, energy):
+def energy_of_eight(bonds, shares, i, points, law, state, linear, third, energy):
+    """Store the energy densities of eight particles; `shares` as of force_of_eight."""
+    kind = bonds.kind[i >> 3]
+    if kind == MIXED:
+        _block_energy(SeveralBlocks(0), bonds, shares, i, points, law, state, linear, third, energy)
+    else:
+        _block_energy(OneBlock(kind), bonds, shares, i, points, law, state, linear, third, energy)
+
+
+@inlined
+def _block_energy(which, bonds, shares, i, points, law, state, linear, third, energy):
     """Store the energy densities of eight particles."""
     position, n, count = points.position, len(points.position), len(bonds.offset)
     px, py = load8(position, i), load8(position, n + i)
@@ -219,9 +274,13 @@ def _block_energy(which, bonds, i, points, law, state, linear, third, energy):
             along2, dx, dy, dz = _vectors(bonds, position, j, k, px, py, pz, linear, third)
             s = _stretches(bonds, k, along2, linear)
             moment = select(has_bit(states, k - WORD * word), splat(at(bonds.moment_weight, k)), splat(0.0))
+            if shares is not None:
+                moment = moment * weight_of_eight(shares, i, k)
             total, extended = total + bond_energy(law, near_end_of(law, which, points, state, i, j), moment, s), fma(moment, s, extended)
-    near = near_end_of(law, which, points, state, i, i)
-    store8(energy, i, total + volume_energy(law, near, spherical_of(law, which, points, i), extended))
+    beside = as_vector(volume_energy(law, near_end_of(law, which, points, state, i, i), spherical_of(law, which, points, i), extended))
+    if shares is not None:
+        beside = beside * over_energy_of_eight(shares, i)
+    store8(energy, i, total + beside)
 
 
 @inlined
@@ -234,14 +293,20 @@ def _stretches(bonds, k, along2, linear):
 
 @implements(family.frequency_row, LatticeArrays)
 def _frequency_row(bonds, i, points, law, state, third):
-    kind = bonds.kind[i >> 3]
-    if kind == MIXED:
-        return _block_frequency(SeveralBlocks(0), bonds, i, points, law, state, third)
-    return _block_frequency(OneBlock(kind), bonds, i, points, law, state, third)
+    return frequency_of_eight(bonds, None, i, points, law, state, third)
 
 
 @inlined
-def _block_frequency(which, bonds, i, points, law, state, third):
+def frequency_of_eight(bonds, shares, i, points, law, state, third):
+    """Return the largest |A|/rho of eight particles; `shares` as of force_of_eight."""
+    kind = bonds.kind[i >> 3]
+    if kind == MIXED:
+        return _block_frequency(SeveralBlocks(0), bonds, shares, i, points, law, state, third)
+    return _block_frequency(OneBlock(kind), bonds, shares, i, points, law, state, third)
+
+
+@inlined
+def _block_frequency(which, bonds, shares, i, points, law, state, third):
     """Return the largest |A|/rho of eight particles."""
     n, count, plain = len(points.position), len(bonds.offset), len(bonds.weight) - 1
     bound = bound_of(law, which, points, i)
@@ -254,10 +319,14 @@ def _block_frequency(which, bonds, i, points, law, state, third):
             x, y, z = bonds.vector[k, 0], bonds.vector[k, 1], 0.0 if third is None else bonds.vector[k, 2]
             part = select(has_bit(states, k - WORD * word), as_vector(c * bound), splat(0.0))
             part = part * (bonds.weight[plain, k] * at(bonds.inv_length, k) * at(bonds.inv_length, k))
+            if shares is not None:
+                part = part * weight_of_eight(shares, i, k)
             xx, yy, zz = fma(part, splat(x * x), xx), fma(part, splat(y * y), yy), fma(part, splat(z * z), zz)
             xy, xz, yz = fma(part, splat(x * y), xy), fma(part, splat(x * z), xz), fma(part, splat(y * z), yz)
     xy, xz, yz = larger(xy, 0.0 - xy), larger(xz, 0.0 - xz), larger(yz, 0.0 - yz)
     norm = larger(larger(xx + xy + xz, yy + xy + yz), zz + xz + yz)
+    if shares is not None:
+        norm = norm * over_mass_of_eight(shares, i)
     return lane_max(norm / per_block(which, law.density, points, i))
 
 

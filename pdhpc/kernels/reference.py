@@ -5,7 +5,8 @@ several blocks or volumes, the bonds of marked particles, and the bonds that bre
 """
 from pdhpc.jit import inlined, sweep
 from pdhpc.kernels.family import (
-    bond_strain, break_bond, end_of_bonds, first_bond, inverse_length, is_alive, neighbour, reference_vector, row_width, share, stretch_of,
+    bond_strain, break_bond, end_of_bonds, first_bond, inverse_length, is_alive, neighbour, over_energy, over_mass, reference_vector, row_width, share,
+    stretch_of,
 )
 from pdhpc.materials.law import bond_energy, bond_weight, far_end, moduli, moment_weight, near_end, pull, released_stretch, spherical_part, stiffness, volume_energy
 
@@ -49,10 +50,11 @@ def force_on(bonds, i, points, law, state, linear, third, force_density):
         fx += tension * dx
         fy += tension * dy
         fz += tension * dz
-    force_density[i, 0] = fx
-    force_density[i, 1] = fy
+    over = over_mass(bonds, i)
+    force_density[i, 0] = fx * over
+    force_density[i, 1] = fy * over
     if third is not None:
-        force_density[i, 2] = fz
+        force_density[i, 2] = fz * over
     return beyond
 
 
@@ -69,6 +71,7 @@ def dilatation_of(bonds, i, points, law, state, linear, third):
         total += moment_weight(law, inv_l) * share(bonds, i, k) * stretch_of(measure, linear) * points.volume[j]
         beyond |= measure > law.break_at[points.block[i], points.block[j]]
     block = points.block[i]
+    total *= over_energy(bonds, i)
     state[i, 1] = law.volumetric[block] * state[i, 0] * state[i, 0] * total if block < len(law.volumetric) else 0.0
     return beyond
 
@@ -86,7 +89,7 @@ def energy_of(bonds, i, points, law, state, linear, third, energy):
             extended += moment * s
     block = points.block[i]
     if block < len(law.density):
-        total += volume_energy(law, near_end(law, points, state, i, i), spherical_part(law, block), extended)
+        total += volume_energy(law, near_end(law, points, state, i, i), spherical_part(law, block), extended) * over_energy(bonds, i)
     energy[i] = total
 
 
@@ -105,7 +108,7 @@ def frequency_of(bonds, i, points, law, state, third):
         xx, yy, zz = xx + part * x * x, yy + part * y * y, zz + part * z * z
         xy, xz, yz = xy + part * x * y, xz + part * x * z, yz + part * y * z
     largest = max(xx + abs(xy) + abs(xz), max(yy + abs(xy) + abs(yz), zz + abs(xz) + abs(yz)))
-    return largest / law.density[block] if largest > 0.0 else 0.0
+    return largest * over_mass(bonds, i) / law.density[block] if largest > 0.0 else 0.0
 
 
 @sweep
@@ -134,7 +137,7 @@ def break_row(bonds, i, points, law, state, linear, third, dissipated):
         else:
             after += part
     if broken:
-        near = near_end(law, points, state, i, i)
-        released += volume_energy(law, near, spherical_part(law, block), before) - volume_energy(law, near, spherical_part(law, block), after)
+        near, spherical = near_end(law, points, state, i, i), spherical_part(law, block)
+        released += (volume_energy(law, near, spherical, before) - volume_energy(law, near, spherical, after)) * over_energy(bonds, i)
         dissipated[i] += points.volume[i] * released
     return broken

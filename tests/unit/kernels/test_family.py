@@ -100,10 +100,10 @@ def test_breaking_takes_one_bond_at_a_time(path, dim):
 @pytest.mark.parametrize("path", PATHS)
 def test_weighted_bonds_answer_as_the_bonds_they_wrap(path):
     subdomain = disk(path, 2)
-    _, plain, _ = answers(subdomain)
-    shares = share_bonds(subdomain.bonds.arrays, len(subdomain.particles.position), subdomain.particles.slots)
+    _, plain, plain_width = answers(subdomain)
+    shares = share_bonds(subdomain.bonds.arrays, len(subdomain.particles.position), np.concatenate(subdomain.rows))
     shares.weight[:] = 0.25
     _, weighted, width = answers(subdomain, shares)
-    assert np.array_equal(weighted[:, :6], plain[:, :6]) and np.all(weighted[:, 6] == 0.25) and width == 1
+    assert np.array_equal(weighted[:, :6], plain[:, :6]) and np.all(weighted[:, 6] == 0.25) and width == plain_width
     broken = _break_every_third(shares, subdomain.particles.slots)
     assert broken > 0 and len(answers(subdomain)[1]) == len(plain) - broken
