@@ -189,7 +189,7 @@ def _scale(options):
     if machine is not None:
         from pathlib import Path
 
-        from pdhpc.scene.build import radius_of
+        from pdhpc.scene.body import radius_of
         from pdhpc.study.scaling import scene_of_point
         from pdhpc.study.scaling_report import report_prediction
 

@@ -1,6 +1,6 @@
 """Set how numba compiles every kernel of pdhpc: one decorator for kernels, one for functions inlined into them, one for functions with a body per record.
 
-The cache of compiled kernels is keyed on a digest of the package's sources, because numba itself does not notice a change in a function that a cached
+The cache of compiled kernels is keyed on a digest of the sources of kernels, because numba itself does not notice a change in a function that a cached
 kernel inlines from another file. `NUMBA_CACHE_DIR`, when set, is respected (a node-local folder on clusters).
 """
 import getpass
@@ -16,12 +16,17 @@ from numba.extending import overload
 
 
 def _source_digest():
-    """Return a short digest of every source file of the package, and of what compiles them."""
+    """Return a short digest of what compiles kernels, and of every source file that may have a part in one: all of kernels/ and materials/, and any that has one.
+
+    A kernel elsewhere takes its constants from its own file or from these.
+    """
     package = Path(__file__).parent
     digest = hashlib.sha256(f"{numba.__version__} {platform.python_version()} {os.environ.get('PDHPC_KERNELS')}".encode())
     for path in sorted(package.rglob("*.py")):
-        digest.update(path.relative_to(package).as_posix().encode())
-        digest.update(path.read_bytes())
+        text = path.read_bytes()
+        if path.parent.name in ("kernels", "materials") or b"pdhpc.jit" in text or path == Path(__file__):
+            digest.update(path.relative_to(package).as_posix().encode())
+            digest.update(text)
     return digest.hexdigest()[:16]
 
 

@@ -20,7 +20,8 @@ from pdhpc.output.history import History
 from pdhpc.output.record import OutputError, claim_directory, write_json
 from pdhpc.parallel.comm import on_root, world
 from pdhpc.run import RunError, drive
-from pdhpc.scene.build import build, make_body, make_gauges
+from pdhpc.scene.body import make_body
+from pdhpc.scene.build import build, make_gauges
 from pdhpc.scene.read import parse_scene, read_text
 
 _LARGE_BALANCE_ERROR = 0.02  # relative; a larger one is reported as a warning
@@ -42,8 +43,8 @@ class Simulation:
         _compile_first_on_each_node(self.comm, scene)
         compiled = time.perf_counter()
         self.problem = build(scene, self.comm)
-        self.energies, self.probes, self.tips = make_gauges(self.problem, self.comm)
         self.stepper = self.problem.stepper()
+        self.energies, self.probes, self.tips = make_gauges(self.problem, self.stepper.view, self.comm)
         self.seconds = {"compile": compiled - started, "setup": time.perf_counter() - compiled}
         self.warnings = list(self.problem.warnings)
 

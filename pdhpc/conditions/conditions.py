@@ -46,6 +46,8 @@ class Conditions:
     def external_work(self):
         """Return (n,) work done so far on loaded and moved particles, J: its sum is the external work."""
         volume, velocity = self.particles.volume, self.particles.velocity
+        if self.particles.mass_share is not None:  # loads, like masses, are shared between the copies of a particle
+            volume = volume * self.particles.mass_share
         parts = [load.work * volume[load.indices] for load in self.loads]
         for motion, half_density in zip(self.motions, self._half_density):
             gained = motion.kinetic(velocity, half_density) - motion.initial_kinetic

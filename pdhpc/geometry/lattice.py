@@ -49,7 +49,7 @@ def _along(values, axis, dim):
 class LatticeBody:
     """A shape filled with cells of side `spacing`, one particle at the centre of each cell whose centre lies in the shape and in none of its holes.
 
-    The lattice is anchored at the lower corner of the shape's bounding box. Ids count the cells of that box, last axis fastest, from `first_id`: they
+    The lattice is anchored at the lower corner of the shape's bounding box, whatever the window. Ids count the cells of that box, last axis fastest, from `first_id`: they
     are unique and ordered, and not contiguous where cells are left out.
     """
 
@@ -57,6 +57,7 @@ class LatticeBody:
     spacing: float
     first_id: int
     holes: Tuple[object, ...] = ()
+    window: object = None  # a shape: only the particles in it; ids stay those of the whole body
 
     @property
     def cells(self):
@@ -93,9 +94,19 @@ class LatticeBody:
         for first in range(*ranges[0], thickness):
             yield self._slab([(first, min(first + thickness, ranges[0][1]))] + ranges[1:])
 
+    def window_cells(self):
+        """Return (first, last), (dim,) int64 both: the cells of the box around the window."""
+        everywhere = np.full(len(self.cells), np.inf)
+        first, last = np.array(self.cells_in(-everywhere, everywhere), dtype=np.int64).T
+        return first, last
+
     def cells_in(self, lower, upper):
         """Return [(first, last)] along each axis of the cells whose centres have lower <= x < upper."""
         found = [np.searchsorted(self.centres(axis), [lower[axis], upper[axis]], side="left") for axis in range(len(self.cells))]
+        if self.window is not None:
+            inner, outer = self.window.bounds()
+            seen = [np.searchsorted(self.centres(a), [inner[a], outer[a]], side="left") + [-1, 1] for a in range(len(self.cells))]
+            found = [(max(a, c), max(max(a, c), min(b, d))) for (a, b), (c, d) in zip(found, seen)]
         return [(int(first), int(last)) for first, last in found]
 
     def _slab(self, ranges):
@@ -115,6 +126,8 @@ class LatticeBody:
         keep = self.shape.contains(points)
         for hole in self.holes:
             keep &= ~hole.contains(points)
+        if self.window is not None:
+            keep &= self.window.contains(points)
         return keep
 
     def bounds(self):

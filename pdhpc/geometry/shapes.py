@@ -1,5 +1,5 @@
-"""Shapes that say which points they contain; boundaries belong to the shape."""
-from dataclasses import dataclass, field
+"""Shapes that say which points they contain, boundaries included, and how far away points are: distance(points) is 0 inside."""
+from dataclasses import dataclass
 from typing import Tuple
 
 import numpy as np
@@ -20,6 +20,10 @@ class Box:
         slack = _ON_BOUNDARY * np.max(upper - lower)
         return np.all((points >= lower - slack) & (points <= upper + slack), axis=1)
 
+    def distance(self, points):
+        """Return (n,) m."""
+        return np.linalg.norm(np.maximum(0.0, np.maximum(np.asarray(self.lower) - points, points - np.asarray(self.upper))), axis=1)
+
     def bounds(self):
         """Return (lower, upper), m."""
         return np.asarray(self.lower, float), np.asarray(self.upper, float)
@@ -36,6 +40,10 @@ class Disk:
         """Return (n,) bool for points (n, dim), m."""
         distance = np.linalg.norm(points - np.asarray(self.center), axis=1)
         return distance <= self.radius * (1 + _ON_BOUNDARY)
+
+    def distance(self, points):
+        """Return (n,) m."""
+        return np.maximum(0.0, np.linalg.norm(points - np.asarray(self.center), axis=1) - self.radius)
 
     def bounds(self):
         """Return (lower, upper), m."""
@@ -57,14 +65,23 @@ class Cylinder:
 
     def contains(self, points):
         """Return (n,) bool for points (n, 3), m."""
+        along, across, length = self._coordinates(points)
+        slack = _ON_BOUNDARY * max(length, self.radius)
+        return (along >= -slack) & (along <= length + slack) & (across <= self.radius + slack)
+
+    def distance(self, points):
+        """Return (n,) m."""
+        along, across, length = self._coordinates(points)
+        return np.hypot(np.maximum(0.0, np.maximum(-along, along - length)), np.maximum(0.0, across - self.radius))
+
+    def _coordinates(self, points):
+        """Return (along the axis from its start, distance from the axis, length of the axis), m."""
         start = np.asarray(self.start, float)
         axis = np.asarray(self.end, float) - start
         length = np.linalg.norm(axis)
         offset = points - start
         along = offset @ (axis / length)
-        across = np.linalg.norm(offset - along[:, None] * (axis / length), axis=1)
-        slack = _ON_BOUNDARY * max(length, self.radius)
-        return (along >= -slack) & (along <= length + slack) & (across <= self.radius + slack)
+        return along, np.linalg.norm(offset - along[:, None] * (axis / length), axis=1), length
 
     def bounds(self):
         """Return (lower, upper), m."""
@@ -87,6 +104,11 @@ class HalfSpace:
         offset = points - np.asarray(self.point)
         return offset @ (normal / np.linalg.norm(normal)) >= -_ON_BOUNDARY * np.max(np.abs(offset), initial=0.0)
 
+    def distance(self, points):
+        """Return (n,) m."""
+        normal = np.asarray(self.normal, float)
+        return np.maximum(0.0, (np.asarray(self.point) - points) @ (normal / np.linalg.norm(normal)))
+
     def bounds(self):
         """Return (lower, upper), m: infinite."""
         dim = len(self.point)
@@ -103,6 +125,74 @@ class Everywhere:
         """Return (n,) bool, all true."""
         return np.ones(len(points), dtype=bool)
 
+    def distance(self, points):
+        """Return (n,) m, all 0."""
+        return np.zeros(len(points))
+
     def bounds(self):
         """Return (lower, upper), m: infinite."""
         return np.full(self.dim, -np.inf), np.full(self.dim, np.inf)
+
+
+@dataclass(frozen=True)
+class Band:
+    """Points within `radius` of a polyline, m."""
+
+    points: Tuple[Tuple[float, ...], ...]
+    radius: float
+
+    def contains(self, points):
+        """Return (n,) bool for points (n, dim), m."""
+        return self._from_line(points) <= self.radius * (1 + _ON_BOUNDARY)
+
+    def distance(self, points):
+        """Return (n,) m."""
+        return np.maximum(0.0, self._from_line(points) - self.radius)
+
+    def _from_line(self, points):
+        """Return (n,) distances from the polyline, m."""
+        nearest = np.full(len(points), np.inf)
+        for start, end in zip(np.asarray(self.points[:-1], float), np.asarray(self.points[1:], float)):
+            side = end - start
+            along = np.clip((points - start) @ side / (side @ side), 0.0, 1.0)
+            nearest = np.minimum(nearest, np.linalg.norm(points - start - along[:, None] * side, axis=1))
+        return nearest
+
+    def bounds(self):
+        """Return (lower, upper), m."""
+        corners = np.asarray(self.points, float)
+        return corners.min(axis=0) - self.radius, corners.max(axis=0) + self.radius
+
+
+@dataclass(frozen=True)
+class Within:
+    """Points at most `width` away from a shape, m."""
+
+    shape: object
+    width: float
+
+    def contains(self, points):
+        """Return (n,) bool for points (n, dim), m."""
+        return self.shape.distance(points) <= self.width
+
+    def bounds(self):
+        """Return (lower, upper), m."""
+        lower, upper = self.shape.bounds()
+        return lower - self.width, upper + self.width
+
+
+@dataclass(frozen=True)
+class Beyond:
+    """Points more than `width` away from a shape, m."""
+
+    shape: object
+    width: float
+
+    def contains(self, points):
+        """Return (n,) bool for points (n, dim), m."""
+        return self.shape.distance(points) > self.width
+
+    def bounds(self):
+        """Return (lower, upper), m: infinite."""
+        lower, _ = self.shape.bounds()
+        return np.full(len(lower), -np.inf), np.full(len(lower), np.inf)

@@ -47,6 +47,11 @@ class LatticeShares(NamedTuple):
     over_energy: np.ndarray
 
 
+def row_width_of(bonds):
+    """Return the number of particles of a row of a BondArrays or LatticeArrays. Local."""
+    return LANES if isinstance(bonds, LatticeArrays) else 1
+
+
 def share_bonds(bonds, n_slots, rows):
     """Return the shares of the bonds of some `rows` (n,) (particles of a cloud, blocks of a lattice), all of them 1, to be set. Local.
 

@@ -132,7 +132,7 @@ def deformation_moments(bonds, points, law, third, slots, shape, moment):
         for k in range(first_bond(bonds, i), end_of_bonds(bonds, i)):
             if is_alive(bonds, i, k):
                 j, inv_l = neighbour(bonds, i, k), inverse_length(bonds, i, k)
-                weight = bond_weight(law, inv_l) * points.volume[j] / inv_l
+                weight = bond_weight(law, inv_l) * share(bonds, i, k) * points.volume[j] / inv_l
                 xi = reference_vector(bonds, points, i, j, k, third)
                 for b in range(dim):
                     for a in range(dim):

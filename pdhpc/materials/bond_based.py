@@ -72,6 +72,10 @@ class BondBased:
             return math.sqrt(2 * self.energy_release_rate / (math.pi * c * moment(setting.influence, 4, setting.horizon)))
         return math.sqrt(self.energy_release_rate / (setting.thickness * c * moment(setting.influence, 3, setting.horizon)))
 
+    def wave_speed(self, setting):
+        """Return the speed of longitudinal waves, m/s: sqrt(9 E/(8 rho)) in plane stress (nu = 1/3), sqrt(6 E/(5 rho)) in plane strain and 3D (nu = 1/4)."""
+        return math.sqrt((9 / 8 if setting.dimension == "plane_stress" else 6 / 5) * self.youngs_modulus / self.density)
+
     @staticmethod
     def law(blocks, setting):
         """Return the BondBasedLaw of a list of blocks [(BondBased, may_fail)].

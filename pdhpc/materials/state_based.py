@@ -89,6 +89,11 @@ class LinearSolid:
         spherical = (self.bulk(setting) - (dim + 2) / dim * self.shear_modulus) * _cut_dilatation(setting.influence, setting.horizon, dim)
         return math.sqrt(self.energy_release_rate / (deviatoric + spherical))
 
+    def wave_speed(self, setting):
+        """Return the speed of longitudinal waves, m/s: sqrt((k + 2 (d - 1)/d G)/rho)."""
+        dim = 3 if setting.dimension == "3d" else 2
+        return math.sqrt((self.bulk(setting) + 2 * (dim - 1) / dim * self.shear_modulus) / self.density)
+
     @staticmethod
     def law(blocks, setting):
         """Return the LinearSolidLaw of a list of blocks [(LinearSolid, may_fail)]; at a bond between two materials each end adds its own t."""

@@ -3,7 +3,6 @@ from collections import deque
 
 import numpy as np
 
-from pdhpc.kernels.bond_states import foremost_damaged
 from pdhpc.run import Observer
 
 _SAMPLES_PER_WINDOW = 4
@@ -15,12 +14,12 @@ class CrackTip(Observer):
     Sampled four times per window; the speed is the advance along `direction` over one window divided by it, 0 until a tip was there for a whole window.
     """
 
-    def __init__(self, comm, settings, members, subdomain, dt):
-        """settings: scene.Tip (name, direction, threshold, window); members (n,) owned particles of its region; dt, s."""
-        dim = subdomain.particles.dim
+    def __init__(self, comm, settings, members, view, dt):
+        """settings: scene.Tip (name, direction, threshold, window); members (n,) particles of the View in its region; dt, s."""
+        dim = view.dim
         self.comm, self.settings, self.members = comm, settings, members.astype(np.int64)
         direction = np.asarray(settings.direction or [1.0, 0.0, 0.0][:dim], float)
-        self.ahead = subdomain.places(self.members) @ (direction / np.linalg.norm(direction))  # of the members
+        self.ahead = view.places(self.members) @ (direction / np.linalg.norm(direction))  # of the members
         self.every = max(1, int(settings.window / dt / _SAMPLES_PER_WINDOW))
         self._span = max(1, int(round(settings.window / dt / self.every)))  # samples in a window
         self._samples = deque(maxlen=self._span + 1)
@@ -35,9 +34,8 @@ class CrackTip(Observer):
 
     def observe(self, stepper):
         """Find the tip. Collective."""
-        bonds = stepper.subdomain.bonds
-        found = int(foremost_damaged(bonds.arrays, bonds.slots, bonds.initial_size, self.settings.threshold, self.members, self.ahead))
-        mine = (-self.ahead[found], tuple(stepper.subdomain.places(self.members[found])[0])) if found >= 0 else (np.inf, None)
+        found = stepper.view.foremost(self.members, self.ahead, self.settings.threshold)
+        mine = (-self.ahead[found], tuple(stepper.view.places(self.members[[found]])[0])) if found >= 0 else (np.inf, None)
         ahead, position = self.comm.allreduce(mine, op=min)
         self._samples.append(-ahead if position is not None else None)
         self.position = position

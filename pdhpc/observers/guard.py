@@ -11,9 +11,12 @@ class FiniteGuard(Observer):
 
     def observe(self, stepper):
         """Stop on every rank when a displacement is NaN or infinite on any. Collective."""
-        particles = stepper.subdomain.particles
-        row = int(first_not_finite(particles.displacement, particles.slots))
-        mine = None if row < 0 else (int(particles.id[row]), tuple(float(x) for x in stepper.subdomain.places(row)[0]))
+        mine = None
+        for subdomain in stepper.parts:
+            particles = subdomain.particles
+            row = int(first_not_finite(particles.displacement, particles.slots))
+            if row >= 0:
+                mine = _first(mine, (int(particles.id[row]), tuple(float(x) for x in subdomain.places(row)[0])))
         bad = [each for each in [self.comm.allreduce(mine, op=_first)] if each is not None]
         if bad:
             raise RunError(

@@ -1,7 +1,6 @@
 """Output of fields and of history rows at their steps."""
 import numpy as np
 
-from pdhpc.peridynamics.fields import field
 from pdhpc.run import Observer
 
 
@@ -14,13 +13,14 @@ class FieldOutput(Observer):
 
     def start(self, stepper):
         """Write the particles and the initial state. Collective."""
-        subdomain, particles = stepper.subdomain, stepper.subdomain.particles
-        self.writer.write_points(particles.id[: particles.n_owned], subdomain.places(), particles.owned(particles.volume), particles.owned(particles.block))
+        view = stepper.view
+        self.writer.write_points(view.ids, view.places(), view.volume, view.block)
         self.observe(stepper)
 
     def observe(self, stepper):
         """Write one frame. Collective."""
-        self.writer.write_frame(stepper.step, stepper.time, {name: field(name, stepper.subdomain, stepper.law) for name in self.names})
+        stepper.view.prepare()
+        self.writer.write_frame(stepper.step, stepper.time, {name: stepper.view.field(name) for name in self.names})
         self._last = stepper.step
 
     def finish(self, stepper):
@@ -45,6 +45,7 @@ class HistoryOutput(Observer):
 
     def observe(self, stepper):
         """Append a row. Collective."""
+        stepper.view.prepare()
         row = {"time [s]": stepper.time, "step": stepper.step}
         for gauge in self.gauges:
             row.update(zip(gauge.columns, gauge.read(stepper)))

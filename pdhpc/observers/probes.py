@@ -2,7 +2,6 @@
 import numpy as np
 
 from pdhpc.parallel.comm import exact_sum
-from pdhpc.peridynamics.fields import field
 
 UNITS = {"displacement": "m", "velocity": "m/s", "force_density": "N/m^3", "reaction": "N", "stress": "Pa", "strain": "1", "damage": "1"}
 _AXES = "xyz"
@@ -32,12 +31,10 @@ class Probe:
 
     def read(self, stepper):
         """Return the values of the columns. Collective."""
-        subdomain = stepper.subdomain
         if self.quantity == "reaction":
-            slots = subdomain.particles.slots[self.members]
-            values = -subdomain.particles.force_density[slots] * subdomain.particles.volume[slots, None]
+            values = -stepper.view.field("force_density")[self.members] * stepper.view.volume[self.members, None]
             return [exact_sum(self.comm, values[:, axis]) for axis in range(self.dim)]
-        values = self._components(field(self.quantity, subdomain, stepper.law)[self.members])
+        values = self._components(stepper.view.field(self.quantity)[self.members])
         return [exact_sum(self.comm, column) / self.count for column in values]
 
     def _components(self, values):
@@ -49,11 +46,11 @@ class Probe:
         return [values[:, a, b] for a, b in pairs]
 
 
-def nearest_particle(comm, subdomain, point):
-    """Return (n,) int: the owned particle nearest to `point` on the rank that has it, empty elsewhere; ties go to the lowest id. Collective."""
-    offset = subdomain.places() - np.asarray(point)
+def nearest_particle(comm, view, point):
+    """Return (n,) int: the particle of the View nearest to `point` on the rank that has it, empty elsewhere; ties go to the lowest id. Collective."""
+    offset = view.places() - np.asarray(point)
     distance2 = np.einsum("nd,nd->n", offset, offset)
     best = int(np.argmin(distance2)) if len(distance2) else -1
-    mine = (float(distance2[best]), int(subdomain.particles.id[best]), comm.rank) if best >= 0 else (np.inf, 0, comm.rank)
+    mine = (float(distance2[best]), int(view.ids[best]), comm.rank) if best >= 0 else (np.inf, 0, comm.rank)
     winner = comm.allreduce(mine, op=min)
     return np.array([best] if winner[2] == comm.rank and best >= 0 else [], dtype=np.int64)

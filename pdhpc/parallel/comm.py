@@ -66,6 +66,26 @@ def on_root(comm, action, *args):
     return outcome
 
 
+def smallest(comm, value):
+    """Return the smallest of the ranks' values. Collective."""
+    return comm.allreduce(value, op=_op("MIN"))
+
+
+def largest(comm, value):
+    """Return the largest of the ranks' values. Collective."""
+    return comm.allreduce(value, op=_op("MAX"))
+
+
+def part_of(comm, takes_part):
+    """Return the communicator of the ranks that take part, and one of this rank alone to the others. Collective."""
+    from mpi4py import MPI
+
+    if comm.size == 1:
+        return comm
+    split = comm.Split(0 if takes_part else MPI.UNDEFINED, comm.rank)
+    return split if takes_part else MPI.COMM_SELF
+
+
 def _op(name):
     from mpi4py import MPI
 

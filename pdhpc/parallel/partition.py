@@ -5,6 +5,7 @@ import numpy as np
 
 _BINS = 256
 _ROUNDS = 4
+_SNAP = 0.02  # of a rank's work: how near borders of pieces of work are moved to borders of ranks
 
 
 class Partition(NamedTuple):
@@ -48,6 +49,20 @@ class Partition(NamedTuple):
         return lower, upper
 
 
+class Nowhere(NamedTuple):
+    """The partition as a rank without a share of the points sees it."""
+
+    size: int = 1
+
+    def box(self, rank, dim):
+        """Return (lower, upper), m, of a box that holds nothing. Local."""
+        return np.full(dim, np.inf), np.full(dim, np.inf)
+
+    def owner(self, points):
+        """Return (n,) zeros: not asked for any point. Local."""
+        return np.zeros(len(points), dtype=np.int64)
+
+
 class _Span(NamedTuple):
     """A node under construction: the ranks first..last-1 still have to share its points."""
 
@@ -59,13 +74,33 @@ class _Span(NamedTuple):
     def middle(self):
         return self.first + (self.last - self.first) // 2
 
-    @property
-    def left_share(self):
-        return (self.middle - self.first) / (self.last - self.first)
+    def left_share(self, shares):
+        """Return the part of its weight that belongs on the left; shares (size,) of the ranks."""
+        return shares[self.first : self.middle].sum() / shares[self.first : self.last].sum()
 
 
-def bisect(comm, points, weights, snap=None):
-    """Cut space into `comm.size` boxes of nearly equal weight. Collective.
+def share_out(works, size):
+    """Return [(first rank, shares (n,))]: how `size` ranks share pieces of work evenly, one after the other.
+
+    Laid end to end the pieces (works (n_pieces,), any unit) are cut into `size` equal intervals: a rank may have parts of several pieces. A border of two
+    pieces within 2 % of a rank's work of a border of two ranks is moved there.
+    """
+    ends = np.concatenate(([0.0], np.cumsum(np.asarray(works, float))))
+    ends = ends / ends[-1] * size
+    whole = np.rint(ends)
+    near = (np.abs(ends - whole) <= _SNAP) & (whole > 0) & (whole < size)
+    ends = np.where(near, whole, ends)
+    shared = []
+    for start, end in zip(ends[:-1], ends[1:]):
+        first, last = int(np.floor(start)), max(int(np.ceil(end)), int(np.floor(start)) + 1)
+        first, last = min(first, size - 1), min(last, size)
+        ranks = np.arange(first, last)
+        shared.append((first, np.maximum(np.minimum(ranks + 1, end) - np.maximum(ranks, start), 1e-9)))
+    return shared
+
+
+def bisect(comm, points, weights, snap=None, shares=None):
+    """Cut space into boxes of nearly equal weight, one for each rank, or of weights in proportion to `shares`. Collective.
 
     Each box is cut across its longest side at the weighted quantile, found by repeated histograms; weights are integers, so that the cuts do not depend
     on how the points are spread over ranks.
@@ -76,8 +111,10 @@ def bisect(comm, points, weights, snap=None):
     weights : (n,) int, work of each point (its number of bonds).
     snap : function (axis, coordinate, after) -> cut, or None: the cut just before or after the layer of points at a coordinate, such as between the layers
         of a lattice.
+    shares : (size,) above 0, of each box; `comm.size` equal ones without.
     """
-    size = comm.size
+    shares = np.ones(comm.size) if shares is None else np.asarray(shares, float)
+    size = len(shares)
     axis = np.zeros(max(size - 1, 1), dtype=np.int64)
     cut = np.zeros(max(size - 1, 1))
     child = np.full((max(size - 1, 1), 2), -1, dtype=np.int64)
@@ -89,7 +126,7 @@ def bisect(comm, points, weights, snap=None):
         for slot, span in enumerate(level):
             slots[span.node] = slot
         slot_of = np.where(node_of >= 0, slots[np.maximum(node_of, 0)], -1)
-        axes, low, high, after = _cut_level(comm, points, weights, slot_of, np.array([span.left_share for span in level]))
+        axes, low, high, after = _cut_level(comm, points, weights, slot_of, np.array([span.left_share(shares) for span in level]))
         following = []
         for slot, span in enumerate(level):
             axis[span.node], cut[span.node] = axes[slot], high[slot] if after[slot] else low[slot]

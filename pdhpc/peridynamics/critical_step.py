@@ -14,6 +14,6 @@ def stable_step(subdomain, law):
     pessimistic above it.
     """
     particles = subdomain.particles
-    arguments = subdomain.bonds.arrays, subdomain.points, law, subdomain.state, particles.third
-    largest = max(largest_frequency2(*arguments, rows) for rows in subdomain.rows)
+    groups = subdomain.groups(0) + subdomain.groups(1)
+    largest = max(largest_frequency2(bonds, subdomain.points, law, subdomain.state, particles.third, rows) for bonds, rows in groups)
     return math.sqrt(2.0 / largest) if largest > 0 else math.inf

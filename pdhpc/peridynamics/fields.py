@@ -32,38 +32,56 @@ def _precrack(subdomain, law):
 def strain_energy_density(subdomain, law):
     """Return (n_owned,) J/m^3, stored in intact bonds."""
     energy = np.empty(len(subdomain.particles.dissipated))
-    for rows in subdomain.rows:
-        sweeps.strain_energy_density(*_swept(subdomain, law)[:-1], rows, energy)
+    particles = subdomain.particles
+    for bonds, rows in subdomain.groups(0) + subdomain.groups(1):
+        sweeps.strain_energy_density(bonds, subdomain.points, law, subdomain.state, particles.linear, particles.third, rows, energy)
     return subdomain.particles.owned(energy)
 
 
-def _swept(subdomain, law):
-    """Return what the sweeps over owned particles take first."""
-    particles = subdomain.particles
-    return subdomain.bonds.arrays, subdomain.points, law, subdomain.state, particles.linear, particles.third, particles.slots
+def _sets(subdomain):
+    """Return [(bonds, owned indices)] that together are all owned particles: the marked ones with their shares of bonds."""
+    everyone = np.arange(subdomain.particles.n_owned)
+    marked = subdomain.marked()
+    return [(subdomain.bonds.arrays, everyone if not marked.any() else everyone[~marked])] + ([(subdomain.shared, everyone[marked])] if marked.any() else [])
 
 
 def _stress(subdomain, law):
     particles = subdomain.particles
     result = np.empty((particles.n_owned, particles.dim, particles.dim))
-    sweeps.stress(*_swept(subdomain, law), result)
+    for bonds, members in _sets(subdomain):
+        part = np.empty((len(members),) + result.shape[1:])
+        sweeps.stress(bonds, subdomain.points, law, subdomain.state, particles.linear, particles.third, particles.slots[members], part)
+        result[members] = part
     return result
 
 
 def _strain(subdomain, law):
-    """Return (n_owned, dim, dim): Green-Lagrange strain (F^T F - I)/2 (finite) or (H + H^T)/2 (linear), H = F - I = sum w eta (x) xi V K^-1.
+    return strain_of(subdomain, *deformation_moments(subdomain, law))
 
-    A direction in which a particle has no intact bonds has no strain.
-    """
+
+def deformation_moments(subdomain, law):
+    """Return (K, N), (n_owned, dim, dim) both, of sweeps.deformation_moments; those of both copies of a shared particle add up."""
     particles = subdomain.particles
     shape = np.empty((particles.n_owned, particles.dim, particles.dim))
     moment = np.empty_like(shape)
-    sweeps.deformation_moments(subdomain.bonds.arrays, subdomain.points, law, particles.third, particles.slots, shape, moment)
-    if not particles.linear:
-        moment -= shape
+    for bonds, members in _sets(subdomain):
+        parts = np.empty((2, len(members)) + shape.shape[1:])
+        sweeps.deformation_moments(bonds, subdomain.points, law, particles.third, particles.slots[members], parts[0], parts[1])
+        shape[members], moment[members] = parts
+    return shape, moment
+
+
+def strain_of(subdomain, shape, moment):
+    """Return (n, dim, dim): Green-Lagrange strain (F^T F - I)/2 (finite) or (H + H^T)/2 (linear), H = F - I = sum w eta (x) xi V K^-1.
+
+    A direction in which a particle has no intact bonds has no strain.
+    """
+    linear = subdomain.particles.linear
+    if not linear:
+        moment = moment - shape
     gradient = moment @ _inverses(shape)
     strain = 0.5 * (gradient + np.swapaxes(gradient, 1, 2))
-    if not particles.linear:
+    if not linear:
         strain += 0.5 * np.swapaxes(gradient, 1, 2) @ gradient
     return strain
 

@@ -12,11 +12,13 @@ class InternalForces:
     Attributes
     ----------
     seconds : {"force", "exchange", "wait"}: in sweeps, packing and posting messages, and waiting for them.
+    broken : directed bonds of this rank that broke so far. bond_evaluations : directed bonds evaluated so far (both sweeps of a state-based law count as one).
     """
 
     def __init__(self, subdomain, law, bind):
         """bind : function field -> what refreshes its ghosts (start_refresh, finish_refresh), such as GhostExchange.bind."""
         self.subdomain, self.law = subdomain, law
+        self.broken, self.bond_evaluations = 0, 0
         self.seconds = {"force": 0.0, "exchange": 0.0, "wait": 0.0}
         particles = subdomain.particles
         self._positions = bind(particles.position[:, : particles.dim])
@@ -29,27 +31,49 @@ class InternalForces:
 
     def evaluate(self):
         """Store the force densities of the owned particles; return the number of directed bonds that broke. Collective over neighbours."""
-        if self._pressures is None:
-            return self._sweep(self._positions, sweeps.bond_forces, self.subdomain.particles.force_density)
-        broken = self._sweep(self._positions, sweeps.dilatations)
-        return broken + self._sweep(self._pressures, sweeps.bond_forces, self.subdomain.particles.force_density)
+        before = self.broken
+        for _ in self.pieces(1):
+            pass
+        return self.broken - before
 
-    def _sweep(self, ghosts, sweep, *result):
-        """Do one sweep, its border rows with fresh ghosts."""
-        interior, border = self.subdomain.rows
+    def pieces(self, count):
+        """As `evaluate`, in about `count` pieces of equal work: a generator that yields after each, so that other work goes on in between.
+
+        The number of yields depends on `count` alone: ranks that mix pieces with other exchanges in one order cannot wait for each other for ever.
+        """
+        force_density = self.subdomain.particles.force_density
+        if self._pressures is None:
+            yield from self._sweep(count, self._positions, sweeps.bond_forces, force_density)
+        else:
+            yield from self._sweep(max(1, count // 2), self._positions, sweeps.dilatations)
+            yield from self._sweep(max(1, count - count // 2), self._pressures, sweeps.bond_forces, force_density)
+        self.bond_evaluations += self.subdomain.bonds.n_directed
+
+    def refresh(self):
+        """Bring the ghosts' positions, and what state-based laws need of them, up to date with the owners', for those who look on. Collective over neighbours."""
+        self._positions.refresh()
+        if self._pressures is not None:
+            self._pressures.refresh()
+
+    def _sweep(self, count, ghosts, sweep, *result):
+        """Do one sweep, its border rows with fresh ghosts; yields `count` times."""
         started = time.perf_counter()
         ghosts.start_refresh()
         sent = time.perf_counter()
-        broken = self._rows(sweep, interior, *result)
+        self.seconds["exchange"] += sent - started
+        for piece in range(count):
+            self._rows(0, piece, count, sweep, *result)
+            yield
         swept = time.perf_counter()
         ghosts.finish_refresh()
-        received = time.perf_counter()
-        broken += self._rows(sweep, border, *result)
-        self.seconds["exchange"] += sent - started
-        self.seconds["wait"] += received - swept
-        self.seconds["force"] += swept - sent + time.perf_counter() - received
-        return broken
+        self.seconds["wait"] += time.perf_counter() - swept
+        self._rows(1, 0, 1, sweep, *result)
 
-    def _rows(self, sweep, rows, *result):
+    def _rows(self, part, piece, count, sweep, *result):
+        """Sweep over one of `count` pieces of the interior (part 0) or the border (1)."""
+        started = time.perf_counter()
         domain, particles = self.subdomain, self.subdomain.particles
-        return sweep(domain.bonds.arrays, domain.points, self.law, domain.state, particles.linear, particles.third, rows, *result, particles.dissipated)
+        for bonds, rows in domain.groups(part):
+            rows = rows[len(rows) * piece // count : len(rows) * (piece + 1) // count]
+            self.broken += sweep(bonds, domain.points, self.law, domain.state, particles.linear, particles.third, rows, *result, particles.dissipated)
+        self.seconds["force"] += time.perf_counter() - started

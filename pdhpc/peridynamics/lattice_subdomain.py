@@ -28,10 +28,10 @@ def sample_lattice(bodies, lattice, rank, size, radius):
     """Return (points, weights) as subdomain.sample_with_weights does, of bodies on a common lattice. Local.
 
     Small bodies are counted whole, at a byte for each cell of the rank-th slab; of large ones _SAMPLE cells are drawn and only these and their neighbours
-    tested.
+    tested. Weights add up to about the number of directed bonds of all bodies.
     """
     ratio = radius / lattice.spacing
-    cells = sum(int(np.prod(body.cells, dtype=object)) for body in bodies)
+    cells = sum(_number_of_cells(body) for body in bodies)
     if cells > 4 * size * SAMPLE:
         return _draw(bodies, lattice, rank, size, make_stencil(len(lattice.origin), ratio))
     first, last = _cell_bounds(bodies, lattice, np.full(len(lattice.origin), -np.inf), np.full(len(lattice.origin), np.inf))
@@ -53,23 +53,28 @@ def sample_lattice(bodies, lattice, rank, size, radius):
     return points, weights
 
 
+def _number_of_cells(body):
+    """Return how many cells the box around the body's window holds."""
+    first, last = body.window_cells()
+    return int(np.prod(last - first, dtype=object))
+
+
 def _draw(bodies, lattice, rank, size, stencil):
     """Return (points, weights) of cells drawn evenly and at random from the rank-th of `size` equal shares of every body's ids."""
     points, weights = [], []
-    total = sum(int(np.prod(body.cells, dtype=object)) for body in bodies)
+    interval = max(1, sum(_number_of_cells(body) for body in bodies) // (size * _SAMPLE))
     for body, shift in zip(bodies, lattice.shifts):
-        count = int(np.prod(body.cells, dtype=object))
+        count, (first, last) = _number_of_cells(body), body.window_cells()
         edges = [count * number // size for number in (rank, rank + 1)]
-        interval = max(1, total // (size * _SAMPLE))
         start = np.arange(edges[0], edges[1], interval)
         drawn = start + (start * 2654435761 >> 12) % interval
-        cells = np.stack(np.unravel_index(drawn[drawn < edges[1]], tuple(body.cells)), axis=1) + shift
-        cells = cells[_holds_particle([body], [shift], lattice, cells)]
+        cells = np.stack(np.unravel_index(drawn[drawn < edges[1]], tuple(last - first)), axis=1) + first + shift
+        cells = cells[_holds_particle([body], [shift], lattice, cells)] if count else np.empty((0, len(first)), np.int64)
         for piece in np.array_split(cells, max(1, len(cells) * len(stencil) // _PIECE)):
             near = (piece[:, None, :] + stencil).reshape(-1, stencil.shape[1])
             weights.append(_holds_particle(bodies, lattice.shifts, lattice, near).reshape(len(piece), -1).sum(axis=1))
             points.append(lattice.origin + (piece + 0.5) * lattice.spacing)
-    return np.concatenate(points), np.maximum(1, np.concatenate(weights))
+    return np.concatenate(points), np.maximum(1, np.concatenate(weights)) * interval
 
 
 def _holds_particle(bodies, shifts, lattice, cells):

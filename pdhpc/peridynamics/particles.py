@@ -16,7 +16,12 @@ from pdhpc.kernels import motion
 
 
 class _Slotted:
-    """What both layouts share."""
+    """What both layouts share.
+
+    mass_share : None, or (n_slots,) of each particle's mass that is here, where a body is shared between several problems.
+    """
+
+    mass_share = None
 
     @property
     def n_ghost(self):

@@ -6,6 +6,7 @@ from pdhpc.jit import kernel
 from pdhpc.kernels import sweeps
 from pdhpc.kernels.family import MIXED, PointArrays
 from pdhpc.kernels.neighbours import count_neighbours
+from pdhpc.kernels.shared import row_width_of, share_bonds
 from pdhpc.peridynamics.bonds import find_families
 from pdhpc.peridynamics.particles import Particles
 
@@ -24,12 +25,34 @@ class Subdomain:
     ----------
     particles : Particles or LatticeParticles. bonds : Bonds. points : PointArrays. ghost_owner : (n_ghost,) ranks.
     rows : (interior, border), int32: what a sweep goes through; only the border touches ghosts.
+    shared, shared_rows : None and two empty lists, or the shares of marked particles (kernels/shared.py) and their rows, taken out of `rows`.
     state : None, or (n_slots, 2), see `make_state`.
     """
 
     def __init__(self, particles, bonds, ghost_owner, points, rows):
         self.particles, self.bonds, self.ghost_owner, self.points, self.rows = particles, bonds, ghost_owner, points, rows
-        self.state = None
+        self.state = self.shared = None
+        self.shared_rows = (np.empty(0, np.int32), np.empty(0, np.int32))
+
+    def groups(self, part):
+        """Return [(bonds, rows)] that a sweep over the interior (part 0) or the border (1) goes through. Local."""
+        plain = [(self.bonds.arrays, self.rows[part])]
+        return plain if self.shared is None else plain + [(self.shared, self.shared_rows[part])]
+
+    def share_rows(self, marked):
+        """Give the bonds of the particles in the slots `marked` (n,) weights of their own, all 1, and sweep them apart from the others. Local."""
+        width = row_width_of(self.bonds.arrays)
+        chosen = np.unique(np.asarray(marked) // width) * width
+        both = [np.isin(rows, chosen, assume_unique=True) for rows in self.rows]
+        self.shared_rows = tuple(rows[inside] for rows, inside in zip(self.rows, both))
+        self.rows = tuple(rows[~inside] for rows, inside in zip(self.rows, both))
+        self.shared = share_bonds(self.bonds.arrays, len(self.points.position), np.concatenate(self.shared_rows))
+
+    def marked(self):
+        """Return (n_owned,) bool: which owned particles lie in shared rows. Local."""
+        if self.shared is None:
+            return np.zeros(self.particles.n_owned, bool)
+        return self.shared.row[self.particles.slots // row_width_of(self.bonds.arrays)] >= 0
 
     def make_state(self, law):
         """Make the state of a state-based law: a_i of the owned particles from their intact bonds, and p_i; nothing for other laws. Local.
@@ -58,7 +81,8 @@ class Subdomain:
 def sample_with_weights(bodies, bounds, rank, size, radius):
     """Return (points, weights) of the rank-th of `size` equal slabs of the bodies: what the partition is computed from. Local.
 
-    The slabs cut the longest side of `bounds` (lower, upper), m; weights (n,) int64 are numbers of neighbours, at least 1.
+    The slabs cut the longest side of `bounds` (lower, upper), m; weights (n,) int64 are numbers of neighbours, at least 1, times the particles that each of
+    the points stands for.
     """
     lower, upper = bounds
     axis = int(np.argmax(upper - lower))
@@ -69,16 +93,11 @@ def sample_with_weights(bodies, bounds, rank, size, radius):
     low[axis], high[axis] = edges[rank] - reach, edges[rank + 1] + reach
     ids, points, _ = points_of_bodies(bodies, low, high)
     inside = (points[:, axis] >= edges[rank]) & (points[:, axis] < edges[rank + 1])
-    chosen = inside & _sampled(ids, int(inside.sum()))
+    share = max(1, int(inside.sum()) // SAMPLE)
+    chosen = inside & ((ids * 2654435761 >> 12) % share == 0)  # all particles of a small body, a scattered share of a large one
     points = np.concatenate([points[chosen], points[~chosen]])
     n = int(chosen.sum())
-    return points[:n], np.maximum(1, count_neighbours(points, n, radius)).astype(np.int64)
-
-
-def _sampled(ids, count):
-    """Return (n,) bool: all particles of a small body, a scattered share of a large one, chosen by a hash of the id."""
-    share = max(1, count // SAMPLE)
-    return (ids * 2654435761 >> 12) % share == 0
+    return points[:n], np.maximum(1, count_neighbours(points, n, radius)).astype(np.int64) * share
 
 
 def make_subdomain(bodies, partition, rank, radius, describe, linear):

@@ -6,6 +6,7 @@ import numpy as np
 from pdhpc.kernels.motion import kinetic_energies
 from pdhpc.peridynamics.fields import strain_energy_density
 from pdhpc.peridynamics.internal_forces import InternalForces
+from pdhpc.peridynamics.view import View
 
 
 class VelocityVerlet:
@@ -19,17 +20,22 @@ class VelocityVerlet:
     Prescribed components follow their motion instead. Forces are a function of (u, bond states) alone, so that a run continues from those.
     """
 
-    def __init__(self, subdomain, law, conditions, bind, dt):
-        """conditions : Conditions; bind : function field -> what refreshes its ghosts (see InternalForces); dt : s."""
-        self.subdomain, self.law, self.conditions = subdomain, law, conditions
-        self.dt, self.step, self.broken = dt, 0, 0
+    def __init__(self, subdomain, law, conditions, bind, dt, reaction=None):
+        """conditions : Conditions; bind : function field -> what refreshes its ghosts (see InternalForces); dt : s.
+
+        reaction : None, or what add_to(force_density) adds the force density of a constraint, N/m^3, at every evaluation.
+        """
+        self.subdomain, self.law, self.conditions, self.reaction = subdomain, law, conditions, reaction
+        self.view = View(subdomain, law)
+        self.dt, self.step = dt, 0
         self.internal = InternalForces(subdomain, law, bind)
         self.seconds = self.internal.seconds
         self.seconds["integrate"] = 0.0
         self._inverse_density = np.zeros(256)  # by block; a cell without a particle has none
         self._inverse_density[: len(law.density)] = 1.0 / law.density
         subdomain.particles.place()
-        self._evaluate_forces()
+        self.internal.evaluate()
+        self._add_loads()
         conditions.settle(0.0)
         conditions.begin()
 
@@ -38,15 +44,45 @@ class VelocityVerlet:
         """Time of the current state, s."""
         return self.step * self.dt
 
+    @property
+    def parts(self):
+        """The subdomains of this rank."""
+        return (self.subdomain,)
+
+    @property
+    def broken(self):
+        """Directed bonds of this rank that broke so far."""
+        return self.internal.broken
+
+    @property
+    def bytes_sent(self):
+        """Bytes that this rank sends per step to refresh ghosts."""
+        return self.internal.bytes_sent
+
     def advance(self):
         """Do one step. Collective over neighbouring ranks."""
+        self.begin()
+        self.internal.evaluate()
+        self.finish()
+
+    def advance_in(self, count):
+        """Do one step in about `count` pieces, as a generator: see InternalForces.pieces. Collective over neighbouring ranks."""
+        self.begin()
+        yield from self.internal.pieces(count)
+        self.finish()
+
+    def begin(self):
+        """Take displacements to the end of the step: all that comes before its forces. Local."""
         started = time.perf_counter()
         self._kick_and_drift()
         self.step += 1
         self.conditions.work_of_old_forces(self.dt)
         self.seconds["integrate"] += time.perf_counter() - started
-        self._evaluate_forces()
+
+    def finish(self):
+        """Take velocities to the end of the step: all that comes after its internal forces. Local."""
         started = time.perf_counter()
+        self._add_loads()
         self.conditions.work_of_new_forces(self.time, self.dt)
         self.subdomain.particles.kick(self._inverse_density, 0.5 * self.dt)
         self.conditions.settle(self.time)
@@ -62,26 +98,43 @@ class VelocityVerlet:
         self.conditions.steer(self.time + self.dt, self.dt)
         particles.drift(self.dt)
 
-    def _evaluate_forces(self):
-        self.broken += self.internal.evaluate()
-        started = time.perf_counter()
+    def _add_loads(self):
+        """Add what acts beside the bonds to the force density."""
         self.conditions.add_loads(self.time)
-        self.seconds["integrate"] += time.perf_counter() - started
+        if self.reaction is not None:
+            self.reaction.add_to(self.subdomain.particles.force_density)
 
     def state(self):
         """Return {key: (getter, setter)} of everything a continued run needs, arrays of owned particles in ascending id."""
-        particles, arrays = self.subdomain.particles, self.subdomain.bonds.arrays
-        state = {name: _rows(particles, getattr(particles, name)) for name in ("displacement", "velocity", "dissipated")}
+        arrays = self.subdomain.bonds.arrays
+        state = {name: self.rows_of(name) for name in ("displacement", "velocity", "dissipated")}
         state["alive"] = (lambda: arrays.alive, lambda value: np.copyto(arrays.alive, value))
         state["step"] = (lambda: self.step, lambda value: setattr(self, "step", int(value)))
         state.update(self.conditions.state())
         return state
+
+    def acceleration(self):
+        """Return (n_owned, dim) m/s^2, of the forces at hand; 0 where a motion is prescribed. Local."""
+        particles = self.subdomain.particles
+        acceleration = particles.force_density[particles.slots] / self.law.density[particles.owned(particles.block)][:, None]
+        for motion in self.conditions.motions:
+            by_slot = np.zeros(len(particles.position), bool)
+            by_slot[motion.indices] = True
+            acceleration[np.ix_(by_slot[particles.slots], motion.components)] = 0.0
+        return acceleration
+
+    def rows_of(self, name):
+        """Return (getter, setter) of the owned rows of a field of the particles."""
+        particles = self.subdomain.particles
+        return lambda: particles.owned(getattr(particles, name)), lambda value: particles.put(getattr(particles, name), value)
 
     def ledger(self):
         """Return {name: (n,) J} of this rank's contributions to the energies; sums over all ranks are the body's. Local."""
         particles = self.subdomain.particles
         kinetic = np.empty(particles.n_owned)
         kinetic_energies(particles.velocity, particles.volume, particles.block, self.law.density, particles.slots, kinetic)
+        if particles.mass_share is not None:
+            kinetic *= particles.mass_share[particles.slots]
         strain = strain_energy_density(self.subdomain, self.law)
         strain *= particles.owned(particles.volume)
         return {
@@ -90,12 +143,3 @@ class VelocityVerlet:
             "dissipated_energy": particles.owned(particles.dissipated),
             "external_work": self.conditions.external_work(),
         }
-
-
-def _rows(particles, field):
-    """Return (getter, setter) of the owned rows of a field by slot."""
-
-    def put(value):
-        field[particles.slots] = value
-
-    return lambda: particles.owned(field), put

@@ -158,6 +158,14 @@ def free_or_number(value):
         raise ValueError(f'{error} or "free"') from None
 
 
+def _auto_or_ratio(value):
+    if value == "auto":
+        return value
+    if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= 1000:
+        raise ValueError('"auto" or a whole number from 1 to 1000')
+    return value
+
+
 def _auto_or_positive(value):
     if value == "auto":
         return value
@@ -180,6 +188,7 @@ Text = Annotated[str, Kind(_text)]
 Name = Annotated[str, Kind(_name, pattern=f"^{_NAME}$", maxLength=_SHOWN)]
 FreeOrNumber = Annotated[Any, Kind(free_or_number, anyOf=[{"type": "number"}, {"const": "free"}])]
 AutoOrPositive = Annotated[Any, Kind(_auto_or_positive, anyOf=[{"type": "number", "exclusiveMinimum": 0}, {"const": "auto"}])]
+AutoOrRatio = Annotated[Any, Kind(_auto_or_ratio, anyOf=[{"type": "integer", "minimum": 1, "maximum": 1000}, {"const": "auto"}])]
 Vector = Annotated[List[Number], _list_of("numbers such as [0.0, 1.0]")]
 FreeVector = Annotated[List[FreeOrNumber], _list_of('numbers or "free" such as [0.0, "free"]')]
 Names = Annotated[List[Name], Listed]

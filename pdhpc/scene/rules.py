@@ -20,6 +20,7 @@ def check(scene):
     _check_cracks(scene)
     _check_loads(scene)
     _check_time(scene)
+    _check_fine(scene)
     _check_output(scene)
     _check_probes(scene)
     _check_curves_and_tips(scene)
@@ -220,6 +221,23 @@ def _check_time(scene):
     time = scene.time
     if time.dt != "auto" and not time.end / _MOST_STEPS <= time.dt <= time.end:
         raise Rule("time.dt", time.dt, f'"auto" or a step from time.end/1e12 = {time.end / _MOST_STEPS:g} s to time.end = {time.end:g} s')
+
+
+def _check_fine(scene):
+    fine, method = scene.fine, scene.time.method
+    if fine is None:
+        if method not in ("auto", "single"):
+            raise Rule("time.method", f'"{method}" without a fine region', '"auto" or "single", or a table [fine]')
+        return
+    _within("fine", fine.check, scene.dim)
+    if not any(reaches(fine, body.bounding_box()) for body in scene.body):
+        raise Rule("fine: shape", f'"{fine.shape}" outside every body', "a fine region that holds at least one particle")
+    least = 2 if scene.material[0].model == "lps" else 1
+    if not least <= scene.overlap <= 100:
+        words = "forces of lps reach two horizons" if least == 2 else "no bond may join the two regions beside it"
+        raise Rule("fine: overlap", fine.overlap, f"{least} to 100 horizons: {words}")
+    if "interface" in fine.model_fields_set and method in ("single", "subcycling", "micro"):
+        raise Rule("fine: interface", f'"{fine.interface}" with time.method = "{method}"', 'no such key, or time.method = "mts"')
 
 
 def _check_output(scene):

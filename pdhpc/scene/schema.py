@@ -7,7 +7,7 @@ from pdhpc.scene.fields import (
     AutoOrPositive, Filled, Flag, Fraction, Listed, Name, Names, Number, Numbers, Positive, Share, Table, Text, Vector, Whole, key, show,
 )
 from pdhpc.scene.loads import Initial, Load
-from pdhpc.scene.shapes import Body, Crack, Region
+from pdhpc.scene.shapes import Body, Crack, Fine, Region
 
 FRAMES = 20  # frames when the scene does not say when
 POISSONS_RATIO = {"plane_stress": 1 / 3, "plane_strain": 1 / 4, "3d": 1 / 4}
@@ -66,13 +66,18 @@ class Damage(Table):
 
 
 class TimeSpan(Table):
-    """Time integration by velocity Verlet."""
+    """Time integration by velocity Verlet: one step for all, or each region at its own."""
 
     end: Positive = key("end of the run", "s")
     dt: AutoOrPositive = key(
-        'time step; "auto": safety times the critical step', "s",
+        'time step, with a fine region that of the rest; "auto": safety times the critical step', "s",
         "dt_c = sqrt(2 min rho/|A|), A = sum c omega beta V/|xi| e (x) e (bound on the assembled bonds)", default="auto")
     safety: Share = key("share of the critical step that auto takes, at most 1", "1", default=0.9)
+    method: Literal["auto", "single", "mts", "subcycling", "micro"] = key(
+        "single: one step for the whole body; mts: the fine region at its own step, coupled by multipliers; for comparison subcycling: at its own step, with "
+        "ghosts in between interpolated, and micro: multipliers at each of its steps; auto: mts with a fine region, single without", "",
+        "Lindsay, Parks & Prakash 2016; Gravouil & Combescure 2001", default="auto")
+    error: Positive = key('share of the phase of the shortest resolved wave that the fine region may lose per radian, for step_ratio = "auto"', "1", default=1e-3)
     allow_unstable: Flag = key("accept a dt above the critical step", default=False)
 
 
@@ -134,6 +139,7 @@ class Scene(Table):
     body: Annotated[List[Body], Filled] = key("bodies")
     region: Annotated[List[Region], Listed] = key("named sets of particles", default=[])
     crack: Annotated[List[Crack], Listed] = key("pre-cracks: bonds that cross them are cut at the start", default=[])
+    fine: Optional[Fine] = key("region that takes smaller steps than the rest", default=None)
     damage: Damage = key("where bonds may break", default=Damage())
     load: Annotated[List[Load], Listed] = key("loads and prescribed motions", default=[])
     initial: Annotated[List[Initial], Listed] = key("initial states", default=[])
@@ -155,6 +161,18 @@ class Scene(Table):
         return self.particles.thickness or 1.0
 
     @property
+    def method(self):
+        """How time is integrated: "single", "mts", "subcycling" or "micro"."""
+        if self.time.method != "auto":
+            return self.time.method
+        return "single" if self.fine is None else "mts"
+
+    @property
+    def overlap(self):
+        """Width of the overlap of the fine region, horizons."""
+        return self.fine.overlap or (2.0 if self.material[0].model == "lps" else 1.0)
+
+    @property
     def source(self):
         """Name of the file the scene came from."""
         return self._source
@@ -171,6 +189,8 @@ class Scene(Table):
         for material in data["material"]:
             if material["model"] == "pmb":
                 material.setdefault("poissons_ratio", POISSONS_RATIO[self.dimension])
+        if self.fine is not None:
+            data["fine"].setdefault("overlap", self.overlap)
         for initial in data["initial"]:
             initial.setdefault("origin", [0.0] * self.dim)
         for tip in data["tip"]:

@@ -3,7 +3,7 @@ from typing import Annotated, List, Literal, Optional, Union
 
 from pydantic import Field
 
-from pdhpc.scene.fields import Listed, Matrix, Name, Positive, Rule, Table, Vector, check_direction, check_vector, key, length
+from pdhpc.scene.fields import AutoOrRatio, Listed, Matrix, Name, Positive, Rule, Table, Vector, check_direction, check_vector, key, length
 
 
 class ShapeTable(Table):
@@ -117,6 +117,30 @@ class HalfSpaceShape(ShapeTable):
         return [-float("inf")] * len(self.point), [float("inf")] * len(self.point)
 
 
+class BandShape(ShapeTable):
+    """Band around a polyline."""
+
+    shape: Literal["band"] = key("all points near a polyline")
+    points: Matrix = key("corners of the polyline", "m")
+    radius: Positive = key("largest distance from the polyline", "m")
+
+    def check(self, dim):
+        """Raise a Rule for fewer than two points, or for a segment without length."""
+        check_polyline(self.points, dim)
+
+    def bounding_box(self):
+        """Return (lower, upper), m."""
+        return [min(x) - self.radius for x in zip(*self.points)], [max(x) + self.radius for x in zip(*self.points)]
+
+
+def check_polyline(points, dim):
+    """Raise a Rule for fewer than two points, or for a segment without length."""
+    for number, point in enumerate(points):
+        check_vector(f"points[{number}]", point, dim)
+    if len(points) < 2 or any(a == b for a, b in zip(points[:-1], points[1:])):
+        raise Rule("points", points, "at least two points, each different from the one before")
+
+
 def one_of(models, word):
     """Return the union of table models told apart by the key `word`."""
     return Annotated[Union[tuple(models)], Field(discriminator=word)]
@@ -172,6 +196,36 @@ class HalfSpaceRegion(HalfSpaceShape, _Region):
     """Region in a half space."""
 
 
+class _Fine(ShapeTable):
+    step_ratio: AutoOrRatio = key(
+        'm, the number of steps of the fine region in one step of the rest; "auto": the smallest that meets its critical step and time.error', "1",
+        "error of the shortest wave that a horizon resolves: (pi c dt/delta)^2/24", default="auto")
+    overlap: Optional[Positive] = key("width of the overlap with the rest, beyond the shape, in horizons (default 1; lps 2)", "1", default=None)
+    interface: Literal["auto", "exact", "polynomial", "kick"] = key(
+        "how the velocity gap on the overlap is closed: exactly (CG on the linear response), by an operator of fixed cost, or by reflecting it; "
+        "auto: polynomial up to the fine region's undivided critical step, else exact", "", "Lindsay, Parks & Prakash 2016; see README", default="auto")
+
+
+class BoxFine(BoxShape, _Fine):
+    """Fine region in a box."""
+
+
+class DiskFine(DiskShape, _Fine):
+    """Fine region in a disk."""
+
+
+class SphereFine(SphereShape, _Fine):
+    """Fine region in a ball."""
+
+
+class CylinderFine(CylinderShape, _Fine):
+    """Fine region in a cylinder."""
+
+
+class BandFine(BandShape, _Fine):
+    """Fine region along a polyline."""
+
+
 class _Crack(ShapeTable):
     name: Optional[Name] = key("name of the crack", default=None)
 
@@ -185,10 +239,7 @@ class PolylineCrack(_Crack):
     def check(self, dim):
         """Raise a Rule in 3D, for fewer than two points, or for a segment without length."""
         _only_in(2, dim, "type", "polyline", "rectangle or disk")
-        for number, point in enumerate(self.points):
-            check_vector(f"points[{number}]", point, dim)
-        if len(self.points) < 2 or any(a == b for a, b in zip(self.points[:-1], self.points[1:])):
-            raise Rule("points", self.points, "at least two points, each different from the one before")
+        check_polyline(self.points, dim)
 
     def bounding_box(self):
         """Return (lower, upper), m."""
@@ -243,4 +294,5 @@ class DiskCrack(_Crack):
 
 Body = one_of([BoxBody, DiskBody, SphereBody, CylinderBody], "shape")
 Region = one_of([BoxRegion, DiskRegion, SphereRegion, CylinderRegion, HalfSpaceRegion], "shape")
+Fine = one_of([BoxFine, DiskFine, SphereFine, CylinderFine, BandFine], "shape")
 Crack = one_of([PolylineCrack, RectangleCrack, DiskCrack], "type")

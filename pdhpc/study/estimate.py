@@ -11,7 +11,9 @@ from pdhpc.kernels.lattice import WORD
 from pdhpc.parallel.comm import world
 from pdhpc.peridynamics.critical_step import stable_step
 from pdhpc.peridynamics.internal_forces import InternalForces
-from pdhpc.scene.build import build, calibration_of, choose_step, make_body, make_gauges, radius_of, select
+from pdhpc.peridynamics.view import View
+from pdhpc.scene.body import calibration_of, make_body, radius_of, select
+from pdhpc.scene.build import build, choose_step, make_gauges
 from pdhpc.warm_up import NoGhosts, block
 
 _BYTES_PER_SLOT = 12.125  # neighbour, inverse length, bond state
@@ -78,7 +80,7 @@ def _built(scene, ranks):
     from mpi4py import MPI
 
     problem = build(scene, MPI.COMM_SELF)
-    make_gauges(problem, MPI.COMM_SELF)
+    make_gauges(problem, View(problem.subdomain, problem.body.law), MPI.COMM_SELF)
     bonds = problem.subdomain.bonds
     warnings = [] if ranks <= problem.subdomain.particles.n_owned else [f"{ranks} ranks for {problem.subdomain.particles.n_owned} particles: some own nothing"]
     return problem.subdomain.particles.n_owned, bonds.n_directed // 2, int(bonds.family_size.max(initial=0)), problem.critical_dt, warnings

@@ -12,7 +12,7 @@ from pdhpc.warm_up import PATHS
 @pytest.mark.parametrize("path", PATHS)
 def test_nan_stops_the_run_and_names_the_particle(path, comm):
     problem = problem_of(plate((4, 4)), [f"particles.path={path}"])
-    stepper = SimpleNamespace(subdomain=problem.subdomain, step=7, time=0.7)
+    stepper = SimpleNamespace(parts=(problem.subdomain,), step=7, time=0.7)
     guard = FiniteGuard(comm, [3])
     guard.observe(stepper)
     particles = problem.subdomain.particles

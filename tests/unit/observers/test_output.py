@@ -16,12 +16,13 @@ class Gauge:
 
 
 def test_rows_of_all_gauges_once_each():
-    rows = []
+    rows, prepared = [], []
     output = HistoryOutput(SimpleNamespace(append=rows.append), [Gauge()], [2])
     assert columns([Gauge()]) == ["time [s]", "step", "a [m]", "b [s]"]
-    output.start(SimpleNamespace(step=0, time=0.0))
-    output.observe(SimpleNamespace(step=2, time=0.2))
-    output.finish(SimpleNamespace(step=2, time=0.2))
+    view = SimpleNamespace(prepare=lambda: prepared.append(1))
+    output.start(SimpleNamespace(step=0, time=0.0, view=view))
+    output.observe(SimpleNamespace(step=2, time=0.2, view=view))
+    output.finish(SimpleNamespace(step=2, time=0.2, view=view))
     assert [row["step"] for row in rows] == [0, 2] and rows[1] == {"time [s]": 0.2, "step": 2, "a [m]": 20, "b [s]": -1}
-    output.finish(SimpleNamespace(step=3, time=0.3))
-    assert rows[-1]["step"] == 3
+    output.finish(SimpleNamespace(step=3, time=0.3, view=view))
+    assert rows[-1]["step"] == 3 and len(prepared) == len(rows), "what gauges read is brought up to date first"

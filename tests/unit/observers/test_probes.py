@@ -19,12 +19,11 @@ def test_means_and_points(path, comm):
     particles, x = problem.subdomain.particles, problem.subdomain.places()
     particles.put(particles.displacement, x @ np.array([[0.1, 0.0], [0.0, -0.2]]))
     stepper = problem.stepper()
-    stepper.law = problem.body.law
     right = np.flatnonzero(x[:, 0] > 0)
     assert Probe(comm, "p", "displacement", right, 2).read(stepper) == pytest.approx([0.1 * 1.5, 0.0])
     assert Probe(comm, "p", "strain", right, 2).read(stepper) == pytest.approx([0.1, -0.2, 0.0])
     assert Probe(comm, "p", "strain", right, 2).columns == ("p.strain_xx [1]", "p.strain_yy [1]", "p.strain_xy [1]")
-    near = nearest_particle(comm, problem.subdomain, [2.4, 1.6])
+    near = nearest_particle(comm, stepper.view, [2.4, 1.6])
     assert x[near].tolist() == [[2.5, 1.5]]
 
 

@@ -17,7 +17,7 @@ def largest_frequency(problem):
         u /= np.linalg.norm(u)
         particles.put(particles.displacement, u)
         particles.place()
-        stepper._evaluate_forces()
+        stepper.internal.evaluate()
         u = -particles.owned(particles.force_density) / density[:, None]
         value = np.linalg.norm(u)
     return math.sqrt(value)

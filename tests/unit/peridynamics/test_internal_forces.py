@@ -46,7 +46,7 @@ def test_each_sweep_does_the_interior_while_its_messages_travel(path, model, exp
     rows = np.concatenate(subdomain.rows)
     subdomain.rows = rows[::2].copy(), rows[1::2].copy()
     inner = internal._rows
-    monkeypatch.setattr(internal, "_rows", lambda sweep, rows, *result: log.append("interior" if rows is subdomain.rows[0] else "border") or inner(sweep, rows, *result))
+    monkeypatch.setattr(internal, "_rows", lambda part, *rest: log.append(("interior", "border")[part]) or inner(part, *rest))
     assert internal.evaluate() == 0
     assert log == [step for n in range(1, expected + 1) for step in ((f"field {n}", "start"), "interior", (f"field {n}", "finish"), "border")]
     assert [field.shape[1] for field in recorder.fields] == [2, 1][:expected], "positions, and p of state-based laws"

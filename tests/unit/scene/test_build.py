@@ -86,7 +86,7 @@ def test_initial_states_add_up(path):
 def test_what_only_the_particles_show(extra, words, comm):
     with pytest.raises(SceneError) as caught:
         problem = problem_of(plate((10, 10), extra=extra))
-        make_gauges(problem, comm)
+        make_gauges(problem, problem.stepper().view, comm)
     assert words in str(caught.value)
 
 
@@ -135,7 +135,7 @@ def test_moduli_of_a_linear_solid_reach_the_kernels(path, keys, expected):
 @pytest.mark.parametrize("path", PATHS)
 def test_scenes_of_every_key_take_a_step_on_either_path(name, path, comm):
     problem = build(read_scene(Path(__file__).parent / name, [f"particles.path={path}"]), comm)
-    make_gauges(problem, comm)
+    make_gauges(problem, problem.stepper().view, comm)
     stepper = problem.stepper()
     stepper.advance()
     particles = problem.subdomain.particles

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
-from pdhpc.scene.build import make_shape
+from pdhpc.scene.body import make_shape
 from pdhpc.scene.fields import Rule
 from pdhpc.scene.shapes import Crack, Region
 

@@ -1,0 +1,86 @@
+"""What couples two regions, watched: columns of history.csv, and the guard that stops a run whose coupling fails."""
+import numpy as np
+
+from pdhpc.parallel.comm import exact_sum, largest
+from pdhpc.run import Observer, RunError
+
+_LARGEST_GAP = 0.1  # of the largest relative displacement of two bonded particles of the overlap
+_LARGEST_ENERGY = 1.05  # of what was there at the start and came in since
+_ADVICE = "take a smaller time.dt (0.65 of the critical step is safe for finite deformations), a larger fine region, or fine.interface = \"kick\""
+
+
+class Coupling:
+    """The ledger of the coupling of two regions.
+
+    conserved_quantity : with multipliers E* = sum_s 1/2 a'(M_s - dt_s^2/4 K_s) a + 1/2 v' K_s v, J/s^2, which linear kinematics keeps between breaks under constant
+    loads; with kicks sum_s kinetic + strain - external work - dt_s^2/8 a' M_s a, J. NaN in finite kinematics with multipliers.
+    """
+
+    def __init__(self, comm, stepper, energies):
+        self.comm, self.energies, self.latest, self.first = comm, energies, {}, None
+        self.largest_energy = 0.0
+        self.gap_scale = None
+        unit = "J/s^2" if stepper.operator.keeps_multipliers else "J"
+        self.columns = (f"conserved_quantity [{unit}]", "multiplier_work [J]", "velocity_gap [m/s]", "displacement_gap [m]", "interface_iterations",
+                        "bond_evaluations_coarse", "bond_evaluations_fine", "bond_evaluations_interface", "load_imbalance", "broken_in_overlap")
+
+    def read(self, stepper):
+        """Return the values of the columns. Collective."""
+        comm, interface = self.comm, stepper.interface
+        gap = interface.velocity_gap()
+        if not stepper.operator.keeps_multipliers:
+            gap = 0.0 * gap  # a kick leaves the copies at one velocity: their mean
+        evaluations = {name: int(comm.allreduce(count)) for name, count in stepper.bond_evaluations.items()}
+        seconds = stepper.seconds["force"]
+        self.latest = {
+            "conserved_quantity": exact_sum(comm, stepper.conserved_quantity()),
+            "multiplier_work": exact_sum(comm, np.array([interface.work])),
+            "velocity_gap": float(largest(comm, np.abs(gap).max(initial=0.0))),
+            "displacement_gap": float(largest(comm, np.abs(interface.displacement_gap()).max(initial=0.0))),
+            "interface_iterations": int(largest(comm, stepper.iterations)),
+            **{f"bond_evaluations_{name}": count for name, count in evaluations.items()},
+            "load_imbalance": largest(comm, seconds) / max(comm.allreduce(seconds) / comm.size, 1e-12),
+            "broken_in_overlap": int(comm.allreduce(stepper.broken_in_overlap())) // 2,
+        }
+        if self.first is None:
+            self.first = self.latest["conserved_quantity"]
+        return list(self.latest.values())
+
+    def warnings(self):
+        """Return what the user should know."""
+        broken = self.latest.get("broken_in_overlap", 0)
+        return [f"damage reached the overlap of the regions ({broken} bonds broke there): enlarge the fine region, so that cracks stay inside"] if broken else []
+
+
+class CouplingGuard(Observer):
+    """Stops a run whose copies drift apart or whose energy grows: at the listed steps and every `every`."""
+
+    def __init__(self, comm, energies, steps, every=200):
+        self.comm, self.energies, self.steps, self.every = comm, energies, steps, every
+        self._initial, self._scale = None, 0.0
+
+    def start(self, stepper):
+        """Take the energy at the start. Collective."""
+        self._initial = sum(self._energies(stepper)[:2])
+
+    def _energies(self, stepper):
+        ledger = stepper.ledger()
+        return [exact_sum(self.comm, ledger[name]) for name in ("kinetic_energy", "strain_energy", "external_work")]
+
+    def observe(self, stepper):
+        """Stop when the displacement gap or the energy shows that the coupling fails. Collective."""
+        stepper.view.prepare()
+        kinetic, strain, work = self._energies(stepper)
+        stored, expected = kinetic + strain, self._initial + work
+        self._scale = max(self._scale, abs(expected), self._initial)
+        if not stored <= expected + (_LARGEST_ENERGY - 1.0) * self._scale and self._scale > 0.0:
+            raise RunError(f"the energy of the coupled regions is {stored:.4g} J at step {stepper.step}, t = {stepper.time:.6g} s, where {expected:.4g} J were put in: {_ADVICE}")
+        gap, scale = stepper.largest_gap()
+        gap, scale = largest(self.comm, gap), largest(self.comm, scale)
+        if gap > _LARGEST_GAP * scale and scale > 0.0 and gap > 0.0:
+            raise RunError(f"the two copies of the overlap are {gap:.3g} m apart at step {stepper.step}, t = {stepper.time:.6g} s, {gap / scale:.0%} of the largest relative"
+                           f" displacement of bonded particles there: {_ADVICE}")
+
+    def finish(self, stepper):
+        """Check the final state. Collective."""
+        self.observe(stepper)

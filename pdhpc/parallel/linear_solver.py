@@ -1,0 +1,85 @@
+"""The only KSP: linear systems whose operator is a function, solved by PETSc on the ranks that hold them."""
+from typing import NamedTuple
+
+import numpy as np
+
+
+class SolveError(RuntimeError):
+    """A linear solve that did not converge: one sentence with the reason and the residual."""
+
+
+class Defaults(NamedTuple):
+    """How a system is solved unless PETSc's options say otherwise: "cg" to a relative tolerance, or "richardson" for a fixed number of iterations."""
+
+    kind: str
+    tolerance: float = 1e-8
+    iterations: int = 200
+
+
+class LinearSolver:
+    """KSP on an operator given as a function, preconditioned by a diagonal; PETSc's options of the given prefix take precedence over the defaults."""
+
+    def __init__(self, comm, prefix, defaults, n_local, apply, diagonal):
+        """Set the KSP up. Collective over `comm`.
+
+        prefix : of PETSc options, such as "interface_". defaults : Defaults. apply : function (n_local,) -> (n_local,) or of that size.
+        diagonal : n_local entries above 0, the preconditioner.
+        """
+        from petsc4py import PETSc
+
+        self._petsc, self.prefix, self.iterations = PETSc, prefix, 0
+        self._n = comm.allreduce(n_local)
+        sizes = ((n_local, self._n), (n_local, self._n))
+        operator = PETSc.Mat().createPython(sizes, _Shell(apply), comm=comm)
+        operator.setUp()
+        self._ksp = PETSc.KSP().create(comm)
+        self._ksp.setOptionsPrefix(prefix)
+        self._ksp.setOperators(operator)
+        self._ksp.getPC().setType("python")
+        self._ksp.getPC().setPythonContext(_Diagonal(np.asarray(diagonal, float).ravel().copy()))
+        self._ksp.setType(defaults.kind)
+        self._ksp.setTolerances(rtol=defaults.tolerance, atol=1e-300, max_it=defaults.iterations)
+        if defaults.kind == "richardson":
+            self._ksp.setNormType(PETSc.KSP.NormType.NONE)
+        self._ksp.setFromOptions()
+        self._right, self._x = operator.createVecs()
+
+    def solve(self, right):
+        """Return the solution (n_local,), a view that lives until the next solve. Collective.
+
+        Raises
+        ------
+        SolveError, on every rank of the communicator: the KSP's reason says that it diverged.
+        """
+        if self._n == 0:
+            return np.zeros(0)
+        self._right.getArray()[...] = right
+        self._x.set(0.0)
+        self._ksp.solve(self._right, self._x)
+        self.iterations, reason = self._ksp.getIterationNumber(), int(self._ksp.reason)
+        if reason <= 0:
+            raise SolveError(f"the solve of {self.prefix.rstrip('_')} did not converge in {self.iterations} iterations"
+                             f" (KSP reason {reason}, residual norm {self._ksp.getResidualNorm():.3g}): raise -{self.prefix}ksp_max_it or take a smaller step")
+        return self._x.getArray().copy()
+
+
+class _Shell:
+    """PETSc's context of an operator that is a function."""
+
+    def __init__(self, apply):
+        self._apply = apply
+
+    def mult(self, matrix, x, y):
+        """y = A x."""
+        y.getArray()[...] = np.ravel(self._apply(x.getArray(readonly=True)))
+
+
+class _Diagonal:
+    """PETSc's context of a diagonal preconditioner."""
+
+    def __init__(self, diagonal):
+        self._diagonal = diagonal
+
+    def apply(self, preconditioner, x, y):
+        """y = D^-1 x."""
+        np.divide(x.getArray(readonly=True), self._diagonal, out=y.getArray())

@@ -1,0 +1,255 @@
+"""A scene with a fine region -> its coarse and its fine part, their overlap, and the stepper that couples them."""
+import math
+
+import numpy as np
+
+from pdhpc.kernels import shared
+from pdhpc.kernels.overlap import words_of
+from pdhpc.mts import decomposition
+from pdhpc.mts.decomposition import Split
+from pdhpc.mts.interface import CommonBonds, Copies, Interface
+from pdhpc.mts.interface_operator import Exact, Kick, Polynomial
+from pdhpc.mts.macro_step import MultiTimeStep
+from pdhpc.mts.strip import LinearForces, Strip
+from pdhpc.mts.view import JoinedView
+from pdhpc.parallel.comm import largest, part_of, smallest
+from pdhpc.parallel.ghosts import GhostExchange
+from pdhpc.parallel.linear_solver import Defaults, LinearSolver
+from pdhpc.parallel.partition import Nowhere, share_out
+from pdhpc.peridynamics.velocity_verlet import VelocityVerlet
+from pdhpc.scene.body import calibration_of, make_shape, radius_of
+from pdhpc.scene.parts import Part, make_part, partition_of, sample_of
+
+_MOST_STEPS = 1000  # of the fine region in one of the rest
+_BELOW_CRITICAL = 0.65  # share of the critical step at which finite deformations are safe (see README)
+_NEAR = 1.1  # critical steps of regions that differ by less count as equal: the bound of a region may be a tenth lower than the undivided body's
+
+
+class RegionPart(Part):
+    """A Part that shares some of its particles with another one.
+
+    Attributes
+    ----------
+    ramp : (n_slots,) the part's share of each particle. overlap : (n,) int32, slots of its owned copies, in the order of messages.
+    """
+
+    def __init__(self, comm, subdomain, counts):
+        """counts : function points -> (n,) bool, which particles this part counts."""
+        super().__init__(comm, subdomain)
+        self._counts, self.ramp, self.overlap = counts, None, None
+
+    def counted(self):
+        """Return (n_owned,) bool: the particles that this part counts when each of the body is to be counted once. Local."""
+        return self._counts(self.subdomain.places())
+
+    def settle_bonds(self, law):
+        """Make what depends on the bonds that are intact at the start. Collective over the part's ranks."""
+        self.subdomain.make_state(law)
+        decomposition.share_state(self.subdomain, self.ramp)
+        self.refresh_state()
+
+
+class Regions:
+    """The coarse and the fine part of a scene.
+
+    Attributes
+    ----------
+    parts : [coarse, fine] RegionPart. m : step ratio. copies : GhostExchange from coarse to fine copies.
+    """
+
+    def __init__(self, scene, body, comm, split, m, parts, copies):
+        self.scene, self.body, self.comm, self.split, self.m, self.parts, self.copies = scene, body, comm, split, m, parts, copies
+        self.common_bonds = None
+
+    def critical_macro_dt(self):
+        """Return the largest macro step of the coarse region, s; smaller where finite deformations ask for a margin and the scene does not say otherwise."""
+        critical, time = self._critical(0), self.scene.time
+        if self.scene.particles.kinematics == "finite" and time.dt == "auto" and "safety" not in time.model_fields_set:
+            return critical * _BELOW_CRITICAL / time.safety
+        return critical
+
+    def _critical(self, number):
+        return smallest(self.comm, self.parts[number].critical_dt)
+
+    def choose_ratio(self, macro_dt):
+        """Return m: the scene's, or the smallest that meets the fine region's critical step and time.error. Collective."""
+        if self.scene.fine.step_ratio != "auto":
+            return self.m
+        setting = calibration_of(self.scene)
+        speed = max(material.wave_speed(setting) for material in self.body.materials)
+        stable = macro_dt / (self.scene.time.safety * self._critical(1))
+        accurate = math.pi * speed * macro_dt / self.scene.particles.horizon / math.sqrt(24 * self.scene.time.error)
+        m = max(1, math.ceil(max(stable, accurate) * (1 - 1e-9)))
+        if m > _MOST_STEPS:
+            raise self.scene.error("fine: step_ratio", f'"auto", which comes to {m:,}', f"a step ratio up to {_MOST_STEPS}: raise time.error or lower time.dt")
+        return m
+
+    def check(self, macro_dt):
+        """Return warnings. Collective.
+
+        Raises
+        ------
+        SceneError: the fine region's step is above its critical one, or the interface does not fit.
+        """
+        scene, fine, warnings = self.scene, self.scene.fine, []
+        empty = [name for name, part in zip(("no particle beside it", "no particle"), self.parts) if not self.comm.allreduce(part.subdomain.particles.n_owned)]
+        if empty or not self.comm.allreduce(len(self.parts[1].overlap)):
+            raise scene.error("fine: shape", f'"{fine.shape}" with {(empty or ["no overlap with the rest"])[0]}', "a shape that holds some particles of a body, not all")
+        critical, dt = self._critical(1), macro_dt / self.m
+        if dt > critical * (1 + 1e-12) and not scene.time.allow_unstable:
+            allowed = f'"auto" or at least {math.ceil(macro_dt / critical)}: the critical step of the region is {critical:.6g} s'
+            raise scene.error("fine: step_ratio", f"{self.m}, a step of {dt:.6g} s", allowed)
+        if self.interface(macro_dt) == "polynomial" and macro_dt > _NEAR * critical:
+            found = f'"polynomial" with a macro step of {macro_dt:.6g} s'
+            raise scene.error("fine: interface", found, f'"auto", "exact" or "kick": the operator needs a macro step up to the fine region\'s critical {critical:.6g} s')
+        if scene.particles.kinematics == "finite" and macro_dt > 1.05 * _BELOW_CRITICAL * self._critical(0) and scene.method == "mts":
+            share = macro_dt / self._critical(0)
+            warnings.append(f"the macro step is {share:.2f} of the critical one: above {_BELOW_CRITICAL} finite deformations may feed energy into the coupling (watched)")
+        return warnings
+
+    def interface(self, macro_dt):
+        """Return the way the interface is solved: the scene's, or "polynomial" up to the fine region's critical step and "exact" above it. Collective."""
+        chosen = self.scene.fine.interface
+        if chosen != "auto":
+            return chosen
+        return "polynomial" if macro_dt <= _NEAR * self._critical(1) else "exact"
+
+    def stepper(self, macro_dt):
+        """Return the MultiTimeStep at t = 0. Collective."""
+        interface, law = self._make_interface(), self.body.law
+        sides = []
+        for part, copies, steps in zip(self.parts, (interface.coarse, interface.fine), (1, self.m)):
+            sides.append(VelocityVerlet(part.subdomain, law, part.conditions, part.exchange.bind, macro_dt / steps, copies))
+        operator = self.operator(interface, macro_dt)
+        breaks = bool(np.isfinite(law.break_at).any())
+        self.common_bonds.take_initial()
+        linear = self.scene.particles.kinematics == "linear"
+        stiffness = [LinearForces(part.subdomain, law, part.exchange.bind) for part in self.parts] if linear and operator.keeps_multipliers else None
+        stepper = MultiTimeStep(*sides, self.m, interface, operator, self.common_bonds if breaks else None, stiffness)
+        stepper.view = JoinedView(*sides, interface, self.common_bonds, operator)
+        return stepper
+
+    def _make_interface(self):
+        law = self.body.law
+        copies = []
+        for part, sign in zip(self.parts, (-1, 1)):
+            held = np.zeros((len(part.subdomain.particles.position), self.scene.dim), bool)
+            for motion in part.conditions.motions:
+                held[np.ix_(motion.indices, motion.components)] = True
+            share = part.subdomain.particles.mass_share[part.overlap]
+            copies.append(Copies(part.subdomain, law, part.overlap, share, held[part.overlap], sign))
+        self.common_bonds.coarse, self.common_bonds.fine = copies
+        return Interface(self.copies, *copies)
+
+    def operator(self, interface, macro_dt, kind=None, degree=2, order=1, tolerance=1e-8):
+        """Return the operator of an interface; kind: default the scene's. degree, order : p and q of the polynomial one; tolerance of CG. Collective."""
+        kind = self.interface(macro_dt) if kind is None else kind
+        if kind == "kick":
+            return Kick(interface, macro_dt, self.m)
+        part = self.parts[1]
+        reach = 1 if part.subdomain.state is None else 2
+        strip = Strip(part.subdomain, part.overlap, max(2, degree) * reach + reach - 1, part.exchange.bind)
+        forces = LinearForces(part.subdomain, self.body.law, part.exchange.bind)
+        held = [(motion.indices, motion.components) for motion in part.conditions.motions]
+        defaults = Defaults("cg", tolerance) if kind == "exact" else Defaults("richardson", iterations=order + 1)
+
+        def make_solver(n_local, apply, diagonal):
+            return LinearSolver(part.comm, "interface_", defaults, n_local, apply, diagonal)
+
+        if kind == "exact":
+            return Exact(interface, macro_dt, self.m, strip, forces, held, make_solver)
+        return Polynomial(interface, macro_dt, self.m, strip, forces, held, make_solver, self._critical(1), degree)
+
+
+def make_regions(scene, body, comm, m):
+    """Return the Regions of a scene whose fine region takes m steps in one of the rest: shared masses, bonds and energies, no cracks yet. Collective."""
+    radius, by_points = radius_of(scene), scene.material[0].model == "lps"
+    width = scene.overlap * radius * (1 + 1e-9)
+    split = Split(make_shape(scene.fine), width, scene.particles.spacing, radius, by_points)
+    bodies = [body.seen_through(window) for window in (split.coarse, split.fine)]
+    samples = [sample_of(scene, each, comm) for each in bodies]
+    works = [max(int(comm.allreduce(int(sample[1].sum()))), 1) * steps for sample, steps in zip(samples, (1, m))]
+    parts, partitions, firsts = [], [], []
+    counts = (lambda points: split.shape.distance(points) > 0.5 * width), (lambda points: split.shape.distance(points) <= 0.5 * width)
+    for each, sample, (first, shares), counted in zip(bodies, samples, share_out(works, comm.size), counts):
+        partition = partition_of(scene, each, comm, sample, shares)
+        leaf = comm.rank - first
+        takes_part = 0 <= leaf < len(shares)
+        ranks = part_of(comm, takes_part)
+        part = make_part(scene, each, ranks, partition if takes_part else Nowhere(), comm, leaf if takes_part else 0)
+        parts.append(RegionPart(ranks, part.subdomain, counted))
+        partitions.append(partition)
+        firsts.append(first)
+    regions = Regions(scene, body, comm, split, m, parts, None)
+    regions.copies = _join_copies(comm, split, parts, partitions[0], firsts[0])
+    _share_out(regions)
+    return regions
+
+
+def _join_copies(comm, split, parts, coarse_partition, first_rank):
+    """Find the copies of the overlap, in the order of messages, and return the GhostExchange from the coarse to the fine ones. Collective."""
+    found = []
+    for part in parts:
+        particles = part.subdomain.particles
+        found.append(np.flatnonzero(split.overlap(part.subdomain.places())) if particles.n_owned else np.empty(0, np.int64))
+    coarse, fine = (part.subdomain.particles for part in parts)
+    owner = coarse_partition.owner(parts[1].subdomain.places(found[1])) + first_rank if len(found[1]) else np.empty(0, np.int64)
+    order = np.lexsort((fine.id[found[1]], owner))
+    found[1], owner = found[1][order], owner[order]
+    for part, members in zip(parts, found):
+        part.overlap = part.subdomain.particles.slots[members].astype(np.int32)
+    return GhostExchange(comm, coarse.id[found[0]], fine.id[found[1]], owner)
+
+
+def _share_out(regions):
+    """Share bonds (or point energies) by the ramp and masses in proportion to stiffness, from the unbroken body. Collective."""
+    law, split = regions.body.law, regions.split
+    shares = split.coarse_share, lambda points: 1.0 - split.coarse_share(points)
+    own = []
+    for part, share in zip(regions.parts, shares):
+        subdomain = part.subdomain
+        subdomain.share_rows(part.overlap)
+        part.ramp = decomposition.shares_by_slot(subdomain, share)
+        subdomain.make_state(law)
+        decomposition.share_bonds(subdomain, law, part.ramp, part.overlap)
+        part.refresh_state()
+        own.append(decomposition.stiffnesses(subdomain, law, part.overlap))
+    n = len(own[0])
+    field = np.zeros((n + len(own[1]), 1))
+    field[:n, 0] = own[0]
+    bound = regions.copies.bind(field)
+    bound.refresh()
+    fine = decomposition.mass_share(own[1], field[n:, 0])
+    field[:n], field[n:, 0] = 0.0, 1.0 - fine
+    bound.accumulate()
+    bound.free()
+    for part, mass in zip(regions.parts, (field[:n, 0], fine)):
+        particles = part.subdomain.particles
+        particles.mass_share = np.ones(len(particles.position))
+        particles.mass_share[part.overlap] = mass
+        shared.set_over_masses(part.subdomain.shared, part.overlap, 1.0 / mass)
+    regions.common_bonds = _common_bonds(regions)
+
+
+def _common_bonds(regions):
+    """Return the CommonBonds of the unbroken body. Collective."""
+    inside = []
+    for part in regions.parts:
+        particles = part.subdomain.particles
+        marks = np.zeros(len(particles.position), bool)
+        slots = np.concatenate([particles.slots, particles.ghost_slots])
+        if len(slots):
+            marks[slots] = regions.split.overlap(part.subdomain.places_at(slots))
+        inside.append(marks)
+    arrays = [part.subdomain.bonds.arrays for part in regions.parts]
+    longest = max(int(np.diff(each.row_start).max(initial=0)) if hasattr(each, "row_start") else 0 for each in arrays)
+    n_words = int(largest(regions.comm, max(words_of(each, longest) for each in arrays)))
+    copies = [_Bare(part) for part in regions.parts]
+    return CommonBonds(regions.copies, *copies, inside, n_words)
+
+
+class _Bare:
+    """The copies of a part before their masses and conditions are known."""
+
+    def __init__(self, part):
+        self.slots, self.subdomain = part.overlap, part.subdomain
