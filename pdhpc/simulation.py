@@ -12,13 +12,14 @@ from pathlib import Path
 import numpy as np
 
 from pdhpc import __version__
+from pdhpc.observers.coupling import Coupling, CouplingGuard
 from pdhpc.observers.guard import FiniteGuard
 from pdhpc.observers.output import FieldOutput, HistoryOutput, columns, steps_of
 from pdhpc.observers.progress import Progress
 from pdhpc.output.fields import FieldWriter
 from pdhpc.output.history import History
 from pdhpc.output.record import OutputError, claim_directory, write_json
-from pdhpc.parallel.comm import on_root, world
+from pdhpc.parallel.comm import largest, on_root, world
 from pdhpc.run import RunError, drive
 from pdhpc.scene.body import make_body
 from pdhpc.scene.build import build, make_gauges
@@ -45,6 +46,7 @@ class Simulation:
         self.problem = build(scene, self.comm)
         self.stepper = self.problem.stepper()
         self.energies, self.probes, self.tips = make_gauges(self.problem, self.stepper.view, self.comm)
+        self.coupling = Coupling(self.comm, self.stepper) if hasattr(self.stepper, "operator") else None
         self.seconds = {"compile": compiled - started, "setup": time.perf_counter() - compiled}
         self.warnings = list(self.problem.warnings)
 
@@ -79,6 +81,8 @@ class Simulation:
             raise
         if self.energies.latest and self.energies.relative_error() > _LARGE_BALANCE_ERROR:
             self.warnings.append(f"the energy balance is off by {self.energies.relative_error():.1%} of the largest energy")
+        if self.coupling is not None:
+            self.warnings += self.coupling.warnings()
         record = self._record("done")
         if writes:
             self._write(directory, record)
@@ -91,13 +95,16 @@ class Simulation:
         rows = steps_of(sorted(set(scene.history_times()) | set(scene.output_times())), problem.dt, problem.n_steps)
         progress = Progress(problem.n_steps, scene.time.end, quiet or self.comm.rank > 0)
         observers = [FiniteGuard(self.comm, frames), *self.tips]
+        coupling = [] if self.coupling is None else [self.coupling]
+        if coupling:
+            observers.append(CouplingGuard(self.comm, frames))
         if directory is not None:
             header = {"scene": scene.resolved(), "version": __version__, "ranks": self.comm.size}
             observers.append(FieldOutput(FieldWriter(self.comm, directory, header), scene.output.fields, frames))
-            gauges = [self.energies, *self.probes, *self.tips]
+            gauges = [self.energies, *coupling, *self.probes, *self.tips]
             observers.append(HistoryOutput(History(Path(directory) / "history.csv", columns(gauges), self.comm), gauges, rows))
         else:
-            observers.append(HistoryOutput(_Nowhere(), [self.energies], [problem.n_steps]))
+            observers.append(HistoryOutput(_Nowhere(), [self.energies, *coupling], [problem.n_steps]))
         return observers + [progress], progress
 
     def _write(self, directory, record):
@@ -106,13 +113,14 @@ class Simulation:
     def _record(self, status):
         """Return the content of run.json. Collective."""
         problem, stepper, comm = self.problem, self.stepper, self.comm
-        particles, bonds = problem.subdomain.particles, problem.subdomain.bonds
-        per_rank = np.array(comm.allgather([particles.n_owned, particles.n_ghost, bonds.n_directed, problem.exchange.sent]))
+        view, parts = stepper.view, [self._part(part) for part in problem.parts]
+        per_rank = np.array(comm.allgather([view.n, view.directed_bonds(), sum(steps * part[3] for steps, part in zip((1, problem.m), parts)), sum(part[1] for part in parts), sum(part[2] for part in parts)]))
         phases = {**self.seconds, **stepper.seconds}
         slowest = {name: max(comm.allgather(seconds)) for name, seconds in phases.items()}
         mean = {name: float(np.mean(comm.allgather(seconds))) for name, seconds in phases.items()}
         stepping = sum(mean[name] for name in ("force", "exchange", "wait", "integrate"))
-        n_particles, n_bonds = int(per_rank[:, 0].sum()), int(per_rank[:, 2].sum()) // 2
+        n_particles, n_bonds = int(per_rank[:, 0].sum()), int(per_rank[:, 1].sum()) // 2
+        evaluations = {name: int(comm.allreduce(count)) for name, count in stepper.bond_evaluations.items()}
         record = {
             "status": status,
             "title": self.scene.title,
@@ -124,7 +132,8 @@ class Simulation:
             "particles": n_particles,
             "bonds": n_bonds,
             "path": problem.body.path,
-            "neighbours_largest": int(comm.allreduce(int(bonds.family_size.max(initial=0)), op=_max())),
+            "neighbours_largest": int(largest(comm, max(int(part.subdomain.bonds.family_size.max(initial=0)) for part in problem.parts))),
+            "method": self.scene.method,
             "critical_dt": problem.critical_dt,
             "dt": problem.dt,
             "steps": stepper.step,
@@ -132,12 +141,13 @@ class Simulation:
             "time": stepper.time,
             "seconds": mean,
             "seconds_slowest_rank": slowest,
-            "bond_evaluations": 2 * n_bonds * (stepper.step + 1),
+            "bond_evaluations": sum(evaluations.values()),
             "particle_steps_per_second_and_core": n_particles * stepper.step / (stepping * comm.size) if stepping > 0 else None,
-            "ghosts": int(per_rank[:, 1].sum()),
-            "sent_per_step": int(per_rank[:, 3].sum()),
-            "bytes_sent_per_step": int(comm.allreduce(stepper.internal.bytes_sent)),
+            "ghosts": int(per_rank[:, 3].sum()),
+            "sent_per_step": int(per_rank[:, 4].sum()),
+            "bytes_sent_per_step": int(comm.allreduce(stepper.bytes_sent)),
             "bond_imbalance": float(per_rank[:, 2].max() / max(per_rank[:, 2].mean(), 1)),
+            "coupling": self._coupled(evaluations),
             "broken_bonds": self.energies.latest.get("broken_bonds", 0),
             "energies": {name: value for name, value in self.energies.latest.items() if name != "broken_bonds"},
             "balance_error_relative": self.energies.relative_error() if self.energies.latest else None,
@@ -146,6 +156,32 @@ class Simulation:
             "scene": self.scene.resolved(),
         }
         return record
+
+    def _part(self, part):
+        """Return (owned particles, ghosts, particles sent, directed bonds) of a part on this rank."""
+        particles = part.subdomain.particles
+        return particles.n_owned, particles.n_ghost, part.exchange.sent, part.subdomain.bonds.n_directed
+
+    def _coupled(self, evaluations):
+        """Return what run.json says of the regions and their coupling; None without. Collective."""
+        if self.coupling is None:
+            return None
+        problem, stepper, comm = self.problem, self.stepper, self.comm
+        regions = {}
+        for name, part, steps in zip(("coarse", "fine"), problem.parts, (1, problem.m)):
+            owned, bonds = comm.allreduce(np.array([part.subdomain.particles.n_owned, part.subdomain.bonds.n_directed]))
+            ranks = int(comm.allreduce(int(part.subdomain.particles.n_owned > 0)))
+            regions[name] = {"particles": int(owned), "directed_bonds": int(bonds), "dt": problem.dt / steps, "critical_dt": part.critical_dt_of(comm), "ranks": ranks,
+                             "bond_evaluations": evaluations[name]}
+        return {
+            "step_ratio": problem.m,
+            "interface": stepper.operator.name,
+            "overlap_particles": int(comm.allreduce(len(stepper.interface.fine.slots))),
+            "regions": regions,
+            "bond_evaluations_interface": evaluations["interface"],
+            "conserved_quantity_change": self.coupling.relative_change(),
+            **{name: value for name, value in self.coupling.latest.items() if not name.startswith("bond_evaluations")},
+        }
 
 
 class _Nowhere:
@@ -183,21 +219,17 @@ def commit():
         return None
 
 
-def _max():
-    from mpi4py import MPI
-
-    return MPI.MAX
-
-
 def _compile_first_on_each_node(comm, scene):
     """Let one rank of each node compile the kernels into the cache before the others load them. Collective."""
     from mpi4py import MPI
 
     node = comm.Split_type(MPI.COMM_TYPE_SHARED)
     if node.rank == 0:
-        from pdhpc.warm_up import compile_kernels
+        from pdhpc.warm_up import compile_coupling, compile_kernels
 
         path, model, linear = make_body(scene).path.split(":")[0], scene.material[0].model, scene.particles.kinematics == "linear"
         compile_kernels((scene.dim,), (path,), (model,), (linear,))
+        if scene.method != "single":
+            compile_coupling(scene.dim, path, model, linear)
     node.Barrier()
     node.Free()

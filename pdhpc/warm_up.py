@@ -8,12 +8,17 @@ from pdhpc.conditions.time_functions import Constant
 from pdhpc.geometry.cracks import disk, polyline
 from pdhpc.geometry.lattice import LatticeBody, find_common_lattice
 from pdhpc.geometry.shapes import Box
-from pdhpc.kernels import motion
+from pdhpc.kernels import motion, shared
 from pdhpc.kernels.bond_states import count_face, foremost_damaged
 from pdhpc.kernels.neighbours import count_neighbours
+from pdhpc.kernels.overlap import words_of
 from pdhpc.materials.bond_based import BondBased
 from pdhpc.materials.law import Setting
 from pdhpc.materials.state_based import LinearSolid
+from pdhpc.mts import decomposition
+from pdhpc.mts.interface import CommonBonds, Copies, Interface
+from pdhpc.mts.interface_operator import Exact, Polynomial
+from pdhpc.mts.strip import LinearForces, Strip
 from pdhpc.parallel.comm import compile_exact_sum
 from pdhpc.parallel.partition import Partition
 from pdhpc.peridynamics.bonds import cut_by_cracks
@@ -37,6 +42,8 @@ class NoGhosts:
 
     def finish_refresh(self):
         """Do nothing."""
+
+    refresh = accumulate = free = finish_refresh
 
 
 def block(dim, cells, ratio, linear=False, path="lattice", model="pmb", influence="constant"):
@@ -64,6 +71,45 @@ def compile_kernels(dims=(2, 3), paths=PATHS, models=MODELS, kinematics=(False, 
     """Call every kernel of a run once for each choice of dimension, path, model and kinematics (linear or not). Local."""
     for choice in itertools.product(dims, paths, models, kinematics):
         _compile(*choice)
+
+
+def compile_coupling(dim, path, model, linear):
+    """Call every kernel of the coupling of two regions once. Local."""
+    subdomain, law = block(dim, 4, 2.0, linear, path, model)
+    particles = subdomain.particles
+    slots, bind = particles.slots[:2], NoGhosts
+    subdomain.share_rows(slots)
+    ramp = np.full(len(particles.position), 0.5)
+    decomposition.share_bonds(subdomain, law, ramp, slots)
+    decomposition.stiffnesses(subdomain, law, slots)
+    shared.set_over_masses(subdomain.shared, slots, np.full(2, 2.0))
+    stable_step(subdomain, law)
+    strain_energy_density(subdomain, law)
+    InternalForces(subdomain, law, bind).evaluate()
+    particles.mass_share = np.ones(len(particles.position))
+    copies = [Copies(subdomain, law, slots, np.full(2, 0.5), np.zeros((2, dim), bool), sign) for sign in (-1, 1)]
+    exchange = NoExchange()
+    common = CommonBonds(exchange, *copies, [ramp > 0.0] * 2, words_of(subdomain.bonds.arrays, 64))
+    common.unify()
+    interface = Interface(exchange, *copies)
+    interface.start_multipliers()
+    interface.velocity_gap()
+    interface.largest_gap()
+    strip = Strip(subdomain, slots, 3, bind)
+    for make in (Exact, lambda *arguments: Polynomial(*arguments, 1.0)):
+        operator = make(interface, 1e-9, 3, strip, LinearForces(subdomain, law, bind), [], lambda n, apply, diagonal: None)
+        operator.apply(np.zeros((2, dim)))
+        operator.respond(np.zeros((2, dim)))
+    for name in ("stress", "strain"):
+        field(name, subdomain, law)
+
+
+class NoExchange:
+    """The exchange of copies that lie in the same slots: nothing is copied."""
+
+    def bind(self, field):
+        """Return what does nothing."""
+        return NoGhosts(field)
 
 
 def _compile(dim, path, model, linear):

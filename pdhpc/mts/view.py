@@ -11,8 +11,8 @@ class JoinedView:
     `field`, `foremost` and `broken` are Collective over the owners of copies.
     """
 
-    def __init__(self, coarse, fine, interface, common_bonds, operator):
-        """coarse, fine : VelocityVerlet. interface : Interface. common_bonds : CommonBonds. operator : of interface_operator.py."""
+    def __init__(self, coarse, fine, interface, common_bonds, operator=None):
+        """coarse, fine : VelocityVerlet. interface : Interface. common_bonds : CommonBonds. operator : of interface_operator.py, or None."""
         self._steppers, self._interface, self._common, self._operator = (coarse, fine), interface, common_bonds, operator
         self._parts = [View(each.subdomain, each.law) for each in (coarse, fine)]
         self._copies = [_indices(copies.subdomain.particles, copies.slots) for copies in (interface.coarse, interface.fine)]
@@ -51,7 +51,8 @@ class JoinedView:
         if name == "velocity":
             coarse, fine = (part.field(name) for part in self._parts)
             fine = fine.copy()
-            fine[self._copies[1]] += self._operator.velocity_offset()
+            if self._operator is not None:
+                fine[self._copies[1]] += self._operator.velocity_offset()
             return self._join(coarse, fine)
         if name in ("damage", "precrack"):
             counts = self._alive() if name == "damage" else self._initial

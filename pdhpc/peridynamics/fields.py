@@ -31,7 +31,7 @@ def _precrack(subdomain, law):
 
 def strain_energy_density(subdomain, law):
     """Return (n_owned,) J/m^3, stored in intact bonds."""
-    energy = np.empty(len(subdomain.particles.dissipated))
+    energy = np.zeros(len(subdomain.particles.dissipated))
     particles = subdomain.particles
     for bonds, rows in subdomain.groups(0) + subdomain.groups(1):
         sweeps.strain_energy_density(bonds, subdomain.points, law, subdomain.state, particles.linear, particles.third, rows, energy)

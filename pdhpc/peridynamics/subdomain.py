@@ -48,6 +48,15 @@ class Subdomain:
         self.rows = tuple(rows[~inside] for rows, inside in zip(self.rows, both))
         self.shared = share_bonds(self.bonds.arrays, len(self.points.position), np.concatenate(self.shared_rows))
 
+    def keep_rows(self, chosen):
+        """Sweep only rows with a particle that `chosen` (function points -> bool) takes; the others neither feel forces nor count. Local."""
+        particles, width = self.particles, row_width_of(self.bonds.arrays)
+        mine = chosen(self.places()) if particles.n_owned else np.zeros(0, bool)
+        kept = np.unique(particles.slots[mine] // width) * width
+        self.rows = tuple(rows[np.isin(rows, kept)] for rows in self.rows)
+        self.bonds.family_size = np.where(mine, self.bonds.family_size, 0)
+        self.bonds.initial_size = self.bonds.family_size
+
     def marked(self):
         """Return (n_owned,) bool: which owned particles lie in shared rows. Local."""
         if self.shared is None:

@@ -55,6 +55,11 @@ class VelocityVerlet:
         return self.internal.broken
 
     @property
+    def bond_evaluations(self):
+        """Directed bonds that this rank evaluated so far: {"body"}."""
+        return {"body": self.internal.bond_evaluations}
+
+    @property
     def bytes_sent(self):
         """Bytes that this rank sends per step to refresh ghosts."""
         return self.internal.bytes_sent
@@ -137,9 +142,13 @@ class VelocityVerlet:
             kinetic *= particles.mass_share[particles.slots]
         strain = strain_energy_density(self.subdomain, self.law)
         strain *= particles.owned(particles.volume)
+        dissipated = particles.owned(particles.dissipated)
+        if particles.mass_share is not None:
+            mine = particles.mass_share[particles.slots] > 0.0  # copies that move as they are told have no energy of their own
+            strain, dissipated = strain * mine, dissipated * mine
         return {
             "kinetic_energy": kinetic,
             "strain_energy": strain,
-            "dissipated_energy": particles.owned(particles.dissipated),
+            "dissipated_energy": dissipated,
             "external_work": self.conditions.external_work(),
         }

@@ -45,6 +45,10 @@ class View:
         bonds = self._subdomain.bonds
         return int(foremost_damaged(bonds.arrays, bonds.slots, bonds.initial_size, threshold, members, ahead))
 
+    def directed_bonds(self):
+        """Return the number of directed bonds of this rank's particles. Local."""
+        return self._subdomain.bonds.n_directed
+
     def broken(self):
         """Return the number of directed bonds that broke since the start. Local."""
         return int((self._subdomain.bonds.initial_size - self._subdomain.bonds.alive()).sum(dtype=np.int64))

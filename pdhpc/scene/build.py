@@ -97,7 +97,7 @@ def _build_regions(scene, body, comm):
     if "error" in scene.time.model_fields_set and scene.fine.step_ratio != "auto":
         warnings.append('time.error is not used: fine.step_ratio is given, not "auto"')
     warnings += regions.check(dt)
-    critical = min(part.critical_dt for part in regions.parts)
+    critical = min(part.critical_dt_of(comm) for part in regions.parts)
     return Problem(scene, body, regions.parts, critical, dt, m, n_steps, warnings, regions.stepper)
 
 

@@ -38,6 +38,10 @@ class Part:
         if self.subdomain.state is not None:
             self.exchange.bind(self.subdomain.state[:, 0:1]).refresh()
 
+    def critical_dt_of(self, comm):
+        """Return critical_dt on ranks without a share too. Collective over `comm`."""
+        return smallest(comm, self.critical_dt)
+
     def find_critical_step(self, law):
         """Set critical_dt. Collective over the part's ranks."""
         self.critical_dt = smallest(self.comm, stable_step(self.subdomain, law))
@@ -69,25 +73,27 @@ def partition_of(scene, body, comm, sample=None, shares=None):
     return bisect(comm, *sample, None if body.lattice is None else body.lattice.between, shares)
 
 
-def make_part(scene, body, comm, partition, world=None, leaf=None):
-    """Return this rank's Part of a body; leaf: its number in the partition (default: its rank). Collective over `world` (default: `comm`).
+def make_part(scene, body, comm, partition):
+    """Return this rank's Part of the whole body. Collective. Raises as make_subdomain_of."""
+    return Part(comm, make_subdomain_of(scene, body, partition, comm, comm.rank))
+
+
+def make_subdomain_of(scene, body, partition, comm, leaf):
+    """Return this rank's Subdomain of a body, the leaf-th box of the partition. Collective over `comm`.
 
     Raises
     ------
-    SceneError, on every rank of `world`: bodies whose particles coincide.
+    SceneError, on every rank of `comm`: bodies whose particles coincide.
     """
     radius, linear = radius_of(scene), scene.particles.kinematics == "linear"
-    leaf = comm.rank if leaf is None else leaf
 
     def describe_points(points, number):
         return describe(scene, body, points, number)
 
-    with agree_on_error(comm if world is None else world):
+    with agree_on_error(comm):
         try:
             if body.lattice is not None:
-                subdomain = make_lattice_subdomain(body.lattices, body.lattice, partition, leaf, radius, describe_points, body.law, linear)
-            else:
-                subdomain = make_subdomain(body.lattices, partition, leaf, radius, describe_points, linear)
+                return make_lattice_subdomain(body.lattices, body.lattice, partition, leaf, radius, describe_points, body.law, linear)
+            return make_subdomain(body.lattices, partition, leaf, radius, describe_points, linear)
         except ValueError as error:
             raise scene.error("body", str(error), "bodies that do not overlap") from error
-    return Part(comm, subdomain)

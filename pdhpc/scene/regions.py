@@ -6,19 +6,20 @@ import numpy as np
 from pdhpc.kernels import shared
 from pdhpc.kernels.overlap import words_of
 from pdhpc.mts import decomposition
+from pdhpc.mts.comparators import BorderView, Collar, MicroContinuity, Subcycling
 from pdhpc.mts.decomposition import Split
 from pdhpc.mts.interface import CommonBonds, Copies, Interface
 from pdhpc.mts.interface_operator import Exact, Kick, Polynomial
 from pdhpc.mts.macro_step import MultiTimeStep
 from pdhpc.mts.strip import LinearForces, Strip
 from pdhpc.mts.view import JoinedView
-from pdhpc.parallel.comm import largest, part_of, smallest
+from pdhpc.parallel.comm import largest, part_of
 from pdhpc.parallel.ghosts import GhostExchange
 from pdhpc.parallel.linear_solver import Defaults, LinearSolver
 from pdhpc.parallel.partition import Nowhere, share_out
 from pdhpc.peridynamics.velocity_verlet import VelocityVerlet
 from pdhpc.scene.body import calibration_of, make_shape, radius_of
-from pdhpc.scene.parts import Part, make_part, partition_of, sample_of
+from pdhpc.scene.parts import Part, make_subdomain_of, partition_of, sample_of
 
 _MOST_STEPS = 1000  # of the fine region in one of the rest
 _BELOW_CRITICAL = 0.65  # share of the critical step at which finite deformations are safe (see README)
@@ -69,7 +70,7 @@ class Regions:
         return critical
 
     def _critical(self, number):
-        return smallest(self.comm, self.parts[number].critical_dt)
+        return self.parts[number].critical_dt_of(self.comm)
 
     def choose_ratio(self, macro_dt):
         """Return m: the scene's, or the smallest that meets the fine region's critical step and time.error. Collective."""
@@ -115,17 +116,21 @@ class Regions:
         return "polynomial" if macro_dt <= _NEAR * self._critical(1) else "exact"
 
     def stepper(self, macro_dt):
-        """Return the MultiTimeStep at t = 0. Collective."""
+        """Return the stepper of the scene's method at t = 0. Collective."""
         interface, law = self._make_interface(), self.body.law
         sides = []
         for part, copies, steps in zip(self.parts, (interface.coarse, interface.fine), (1, self.m)):
             sides.append(VelocityVerlet(part.subdomain, law, part.conditions, part.exchange.bind, macro_dt / steps, copies))
-        operator = self.operator(interface, macro_dt)
-        breaks = bool(np.isfinite(law.break_at).any())
         self.common_bonds.take_initial()
+        common_bonds = self.common_bonds if np.isfinite(law.break_at).any() else None
+        if self.scene.method == "micro":
+            stepper = MicroContinuity(*sides, self.m, interface, common_bonds)
+            stepper.view = JoinedView(*sides, interface, self.common_bonds)
+            return stepper
+        operator = self.operator(interface, macro_dt)
         linear = self.scene.particles.kinematics == "linear"
         stiffness = [LinearForces(part.subdomain, law, part.exchange.bind) for part in self.parts] if linear and operator.keeps_multipliers else None
-        stepper = MultiTimeStep(*sides, self.m, interface, operator, self.common_bonds if breaks else None, stiffness)
+        stepper = MultiTimeStep(*sides, self.m, interface, operator, common_bonds, stiffness)
         stepper.view = JoinedView(*sides, interface, self.common_bonds, operator)
         return stepper
 
@@ -163,37 +168,44 @@ class Regions:
 
 def make_regions(scene, body, comm, m):
     """Return the Regions of a scene whose fine region takes m steps in one of the rest: shared masses, bonds and energies, no cracks yet. Collective."""
+    if scene.method == "subcycling":
+        return _make_border_regions(scene, body, comm, m)
     radius, by_points = radius_of(scene), scene.material[0].model == "lps"
     width = scene.overlap * radius * (1 + 1e-9)
     split = Split(make_shape(scene.fine), width, scene.particles.spacing, radius, by_points)
     bodies = [body.seen_through(window) for window in (split.coarse, split.fine)]
     samples = [sample_of(scene, each, comm) for each in bodies]
     works = [max(int(comm.allreduce(int(sample[1].sum()))), 1) * steps for sample, steps in zip(samples, (1, m))]
-    parts, partitions, firsts = [], [], []
     counts = (lambda points: split.shape.distance(points) > 0.5 * width), (lambda points: split.shape.distance(points) <= 0.5 * width)
+    parts, owners = _make_parts(scene, bodies, comm, samples, works, counts)
+    regions = Regions(scene, body, comm, split, m, parts, None)
+    regions.copies = _join_copies(comm, split, parts, owners[0])
+    _share_out(regions)
+    return regions
+
+
+def _make_parts(scene, bodies, comm, samples, works, counts):
+    """Return ([RegionPart], [function points -> rank that owns them]) of two regions over ranks that share their work evenly. Collective."""
+    parts, owners = [], []
     for each, sample, (first, shares), counted in zip(bodies, samples, share_out(works, comm.size), counts):
         partition = partition_of(scene, each, comm, sample, shares)
         leaf = comm.rank - first
         takes_part = 0 <= leaf < len(shares)
         ranks = part_of(comm, takes_part)
-        part = make_part(scene, each, ranks, partition if takes_part else Nowhere(), comm, leaf if takes_part else 0)
-        parts.append(RegionPart(ranks, part.subdomain, counted))
-        partitions.append(partition)
-        firsts.append(first)
-    regions = Regions(scene, body, comm, split, m, parts, None)
-    regions.copies = _join_copies(comm, split, parts, partitions[0], firsts[0])
-    _share_out(regions)
-    return regions
+        subdomain = make_subdomain_of(scene, each, partition if takes_part else Nowhere(), comm, leaf if takes_part else 0)
+        parts.append(RegionPart(ranks, subdomain, counted))
+        owners.append(lambda points, partition=partition, first=first: partition.owner(points) + first)
+    return parts, owners
 
 
-def _join_copies(comm, split, parts, coarse_partition, first_rank):
+def _join_copies(comm, split, parts, coarse_owner):
     """Find the copies of the overlap, in the order of messages, and return the GhostExchange from the coarse to the fine ones. Collective."""
     found = []
     for part in parts:
         particles = part.subdomain.particles
         found.append(np.flatnonzero(split.overlap(part.subdomain.places())) if particles.n_owned else np.empty(0, np.int64))
     coarse, fine = (part.subdomain.particles for part in parts)
-    owner = coarse_partition.owner(parts[1].subdomain.places(found[1])) + first_rank if len(found[1]) else np.empty(0, np.int64)
+    owner = coarse_owner(parts[1].subdomain.places(found[1])) if len(found[1]) else np.empty(0, np.int64)
     order = np.lexsort((fine.id[found[1]], owner))
     found[1], owner = found[1][order], owner[order]
     for part, members in zip(parts, found):
@@ -253,3 +265,48 @@ class _Bare:
 
     def __init__(self, part):
         self.slots, self.subdomain = part.overlap, part.subdomain
+
+
+class BorderRegions(Regions):
+    """Regions that meet without overlap, for Subcycling. own : of both parts, (n_owned,) bool, which particles are not copies of the other's."""
+
+    def interface(self, macro_dt):
+        """Return "none"."""
+        return "none"
+
+    def stepper(self, macro_dt):
+        """Return the Subcycling at t = 0. Collective."""
+        sides = []
+        for part, steps in zip(self.parts, (1, self.m)):
+            sides.append(VelocityVerlet(part.subdomain, self.body.law, part.conditions, part.exchange.bind, macro_dt / steps))
+        collars = [Collar(exchange, source.subdomain, slots, target.subdomain)
+                   for (exchange, slots), source, target in zip(self.copies, self.parts, self.parts[::-1])]
+        stepper = Subcycling(*sides, self.m, collars)
+        stepper.view = BorderView(stepper, [part.counted() for part in self.parts])
+        return stepper
+
+
+def _make_border_regions(scene, body, comm, m):
+    """Return the BorderRegions of a scene: each part holds its own particles and copies of the other's within a family radius. Collective."""
+    radius = radius_of(scene)
+    split = Split(make_shape(scene.fine), radius * (1 + 1e-9), scene.particles.spacing, radius, False)
+    bodies = [body, body.seen_through(split.fine)]
+    samples = [sample_of(scene, each, comm) for each in bodies]
+    own = (lambda points: split.shape.distance(points) > 0.0), (lambda points: split.shape.distance(points) == 0.0)
+    works = [max(int(comm.allreduce(int(weights[mine(points)].sum()))), 1) * steps for (points, weights), mine, steps in zip(samples, own, (1, m))]
+    samples = [(points[mine(points)], weights[mine(points)]) for (points, weights), mine in zip(samples, own)]
+    parts, owners = _make_parts(scene, bodies, comm, samples, works, own)
+    collars = []
+    for part, other, owner, mine in zip(parts[::-1], parts, owners, own[::-1]):
+        particles = part.subdomain.particles
+        copies = np.flatnonzero(~mine(part.subdomain.places())) if particles.n_owned else np.empty(0, np.int64)
+        ranks = owner(part.subdomain.places(copies)) if len(copies) else np.empty(0, np.int64)
+        order = np.lexsort((particles.id[copies], ranks))
+        exchange = GhostExchange(comm, other.subdomain.particles.id[: other.subdomain.particles.n_owned], particles.id[copies][order], ranks[order])
+        collars.append((exchange, particles.slots[copies][order].astype(np.int32)))
+        particles.mass_share = np.zeros(len(particles.position))
+        particles.mass_share[particles.slots[mine(part.subdomain.places())]] = 1.0
+        part.subdomain.keep_rows(mine)
+        part.overlap, part.ramp = collars[-1][1], particles.mass_share
+    regions = BorderRegions(scene, body, comm, split, m, parts, collars)
+    return regions
