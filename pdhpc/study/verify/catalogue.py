@@ -3,7 +3,7 @@ import difflib
 import time
 
 from pdhpc.scene.schema import SceneError
-from pdhpc.study.verify import branching, dynamics, elasticity, fracture, state_based  # noqa: F401  (they register their cases)
+from pdhpc.study.verify import branching, dynamics, elasticity, fracture, mts, state_based  # noqa: F401  (they register their cases)
 from pdhpc.study.verify.case import CASES
 
 
@@ -36,10 +36,14 @@ def main(names, only_list):
 
 
 def _choose(names):
-    """Return the cases of the given names; a SceneError names the nearest valid one."""
+    """Return the cases of the given names, or of groups (what stands before the first _ of a name); a SceneError names the nearest valid one."""
+    groups = {}
+    for name in CASES:
+        groups.setdefault(name.split("_")[0], []).append(name)
     for name in names:
-        if name not in CASES:
+        if name not in CASES and name not in groups:
             near = difflib.get_close_matches(name, CASES, n=1, cutoff=0.4)
             hint = f' (did you mean "{near[0]}"?)' if near else ""
             raise SceneError(f"pdhpc verify: {name} is no check; allowed is {', '.join(CASES)}{hint}")
-    return [CASES[name] for name in names or CASES]
+    chosen = [each for name in names for each in ([name] if name in CASES else groups[name])]
+    return [CASES[name] for name in dict.fromkeys(chosen) or CASES]
