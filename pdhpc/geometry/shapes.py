@@ -4,6 +4,8 @@ from typing import Tuple
 
 import numpy as np
 
+_SAME = 1e-6  # of a spacing
+_PIECE = 1 << 18  # points tested at once: bounds the temporary memory
 _ON_BOUNDARY = 1e-9  # relative to the size of the shape: points that round-off moved off its boundary still belong to it
 
 
@@ -174,6 +176,34 @@ class Within:
     def contains(self, points):
         """Return (n,) bool for points (n, dim), m."""
         return self.shape.distance(points) <= self.width
+
+    def bounds(self):
+        """Return (lower, upper), m."""
+        lower, upper = self.shape.bounds()
+        return lower - self.width, upper + self.width
+
+
+@dataclass(frozen=True)
+class Bonded:
+    """A shape, and the points of a lattice that may be bonded to one in it: the smallest overlap that leaves no bond across, a layer less than `Within` often is.
+
+    spacing, m; stencil : (n, dim) int, the neighbours of a lattice point up to `width`, m.
+    """
+
+    shape: object
+    width: float
+    spacing: float
+    stencil: np.ndarray
+
+    def contains(self, points):
+        """Return (n,) bool for lattice points (n, dim), m; a neighbour within 1e-6 spacings of the shape counts as in it."""
+        distance = self.shape.distance(points)
+        inside = distance <= self.width
+        unsure = np.flatnonzero(inside & (distance > self.width - self.spacing))
+        for piece in np.array_split(unsure, max(1, len(unsure) * len(self.stencil) // _PIECE)):
+            near = (points[piece][:, None, :] + self.stencil * self.spacing).reshape(-1, points.shape[1])
+            inside[piece] = (self.shape.distance(near).reshape(len(piece), -1) <= _SAME * self.spacing).any(axis=1)
+        return inside
 
     def bounds(self):
         """Return (lower, upper), m."""

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pdhpc.geometry.shapes import Beyond, Within
+from pdhpc.geometry.shapes import Beyond, Bonded, Within
 from pdhpc.kernels import shared
 
 
@@ -16,7 +16,7 @@ class Split(NamedTuple):
     """How a body is split.
 
     shape : of geometry/shapes.py. width : of the overlap, m. spacing : h, m. radius : of the families, m.
-    by_points : share the energy of each point (state-based laws), not of each bond.
+    by_points : share the energy of each point (state-based laws), not of each bond. stencil : of the lattice that all bodies lie on, or None.
     """
 
     shape: object
@@ -24,6 +24,7 @@ class Split(NamedTuple):
     spacing: float
     radius: float
     by_points: bool
+    stencil: object = None
 
     @property
     def coarse(self):
@@ -32,13 +33,14 @@ class Split(NamedTuple):
 
     @property
     def fine(self):
-        """The window of the fine region: the shape and the overlap."""
+        """The window of the fine region: the shape and the overlap, on a lattice of one family radius no more of it than bonds ask for."""
+        if self.stencil is not None and self.width <= self.radius * (1 + 1e-6):
+            return Bonded(self.shape, self.width, self.spacing, self.stencil)
         return Within(self.shape, self.width)
 
     def overlap(self, points):
         """Return (n,) bool: which points (n, dim), m, lie in the overlap."""
-        distance = self.shape.distance(points)
-        return (distance > 0.0) & (distance <= self.width)
+        return (self.shape.distance(points) > 0.0) & self.fine.contains(points)
 
     def coarse_share(self, points):
         """Return (n,) alpha, the coarse region's share of a point: 0 in the shape, 1 beyond the overlap, a ramp (d + h/2)/(w + h) over the distance d between.
@@ -49,7 +51,8 @@ class Split(NamedTuple):
         distance = self.shape.distance(points)
         start, end = (self.radius, self.width - self.radius) if self.by_points else (0.0, self.width)
         ramp = (distance - start + 0.5 * self.spacing) / (end - start + self.spacing)
-        return np.where(distance <= start, 0.0, np.where(distance > end, 1.0, ramp))
+        beyond = distance > end if self.by_points else ~self.fine.contains(points)
+        return np.where(distance <= start, 0.0, np.where(beyond, 1.0, ramp))
 
 
 def shares_by_slot(subdomain, share):

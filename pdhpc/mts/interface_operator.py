@@ -16,6 +16,7 @@ class _Operator:
     keeps_multipliers = True
     iterations = 0  # of the last solve
     bond_evaluations = 0
+    _solver = None
 
     def __init__(self, interface, macro_dt, m):
         self.interface, self.macro_dt, self.m = interface, macro_dt, m
@@ -28,6 +29,11 @@ class _Operator:
         velocity = coarse.subdomain.particles.velocity
         velocity[coarse.slots] -= 0.5 * self.macro_dt * coarse.mobility * x
         coarse.subdomain.particles.force_density[coarse.slots] -= x / coarse.share[:, None]
+
+    @property
+    def failure(self):
+        """None, or what the first solve that failed has to say."""
+        return getattr(self._solver, "failure", None)
 
     def velocity_offset(self):
         """Return what to add to the fine copies' velocities for the velocity of the body, m/s. Local."""

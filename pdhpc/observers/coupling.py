@@ -58,9 +58,9 @@ class Coupling:
 
 
 class CouplingGuard(Observer):
-    """Stops a run whose copies drift apart or whose energy grows: at the listed steps and every `every`."""
+    """Stops a run whose interface solver fails, whose copies drift apart or whose energy grows: at the listed steps and every `every`."""
 
-    def __init__(self, comm, steps, every=200):
+    def __init__(self, comm, steps, every=100):
         self.comm, self.steps, self.every = comm, steps, every
         self._initial, self._scale = None, 0.0
 
@@ -74,6 +74,9 @@ class CouplingGuard(Observer):
 
     def observe(self, stepper):
         """Stop when the displacement gap or the energy shows that the coupling fails. Collective."""
+        failures = [each for each in self.comm.allgather(stepper.operator.failure) if each is not None]
+        if failures:
+            raise RunError(f"by step {stepper.step}, t = {stepper.time:.6g} s, {failures[0]}")
         stepper.view.prepare()
         kinetic, strain, work = self._energies(stepper)
         stored, expected = kinetic + strain, self._initial + work

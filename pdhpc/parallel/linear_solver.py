@@ -4,10 +4,6 @@ from typing import NamedTuple
 import numpy as np
 
 
-class SolveError(RuntimeError):
-    """A linear solve that did not converge: one sentence with the reason and the residual."""
-
-
 class Defaults(NamedTuple):
     """How a system is solved unless PETSc's options say otherwise: "cg" to a relative tolerance, or "richardson" for a fixed number of iterations."""
 
@@ -17,7 +13,10 @@ class Defaults(NamedTuple):
 
 
 class LinearSolver:
-    """KSP on an operator given as a function, preconditioned by a diagonal; PETSc's options of the given prefix take precedence over the defaults."""
+    """KSP on an operator given as a function, preconditioned by a diagonal; PETSc's options of the given prefix take precedence over the defaults.
+
+    iterations : of the last solve. failure : None, or what the first solve that did not converge has to say.
+    """
 
     def __init__(self, comm, prefix, defaults, n_local, apply, diagonal):
         """Set the KSP up. Collective over `comm`.
@@ -27,7 +26,7 @@ class LinearSolver:
         """
         from petsc4py import PETSc
 
-        self._petsc, self.prefix, self.iterations = PETSc, prefix, 0
+        self.prefix, self.iterations, self.failure = prefix, 0, None
         self._n = comm.allreduce(n_local)
         sizes = ((n_local, self._n), (n_local, self._n))
         operator = PETSc.Mat().createPython(sizes, _Shell(apply), comm=comm)
@@ -45,11 +44,10 @@ class LinearSolver:
         self._right, self._x = operator.createVecs()
 
     def solve(self, right):
-        """Return the solution (n_local,), a view that lives until the next solve. Collective.
+        """Return the solution (n_local,). Collective.
 
-        Raises
-        ------
-        SolveError, on every rank of the communicator: the KSP's reason says that it diverged.
+        When the KSP's reason says that it diverged, `failure` holds a sentence from then on: ranks that have no part in the system must learn of it too, so
+        who drives the run agrees on it.
         """
         if self._n == 0:
             return np.zeros(0)
@@ -57,9 +55,9 @@ class LinearSolver:
         self._x.set(0.0)
         self._ksp.solve(self._right, self._x)
         self.iterations, reason = self._ksp.getIterationNumber(), int(self._ksp.reason)
-        if reason <= 0:
-            raise SolveError(f"the solve of {self.prefix.rstrip('_')} did not converge in {self.iterations} iterations"
-                             f" (KSP reason {reason}, residual norm {self._ksp.getResidualNorm():.3g}): raise -{self.prefix}ksp_max_it or take a smaller step")
+        if reason <= 0 and self.failure is None:
+            self.failure = (f"the KSP {self.prefix} did not converge in {self.iterations} iterations (reason {reason}, residual norm"
+                            f" {self._ksp.getResidualNorm():.3g}): raise -{self.prefix}ksp_max_it or take a smaller step")
         return self._x.getArray().copy()
 
 

@@ -11,19 +11,19 @@ from pdhpc.mts.decomposition import Split
 from pdhpc.mts.interface import CommonBonds, Copies, Interface
 from pdhpc.mts.interface_operator import Exact, Kick, Polynomial
 from pdhpc.mts.macro_step import MultiTimeStep
-from pdhpc.mts.strip import LinearForces, Strip
+from pdhpc.mts.strip import LinearForces, Strip, critical_step
 from pdhpc.mts.view import JoinedView
-from pdhpc.parallel.comm import largest, part_of
+from pdhpc.parallel.comm import largest, part_of, smallest
 from pdhpc.parallel.ghosts import GhostExchange
 from pdhpc.parallel.linear_solver import Defaults, LinearSolver
 from pdhpc.parallel.partition import Nowhere, share_out
+from pdhpc.peridynamics.lattice_subdomain import make_stencil
 from pdhpc.peridynamics.velocity_verlet import VelocityVerlet
 from pdhpc.scene.body import calibration_of, make_shape, radius_of
 from pdhpc.scene.parts import Part, make_subdomain_of, partition_of, sample_of
 
 _MOST_STEPS = 1000  # of the fine region in one of the rest
 _BELOW_CRITICAL = 0.65  # share of the critical step at which finite deformations are safe (see README)
-_NEAR = 1.1  # critical steps of regions that differ by less count as equal: the bound of a region may be a tenth lower than the undivided body's
 
 
 class RegionPart(Part):
@@ -60,7 +60,7 @@ class Regions:
 
     def __init__(self, scene, body, comm, split, m, parts, copies):
         self.scene, self.body, self.comm, self.split, self.m, self.parts, self.copies = scene, body, comm, split, m, parts, copies
-        self.common_bonds = None
+        self.common_bonds = self._sharp = None
 
     def critical_macro_dt(self):
         """Return the largest macro step of the coarse region, s; smaller where finite deformations ask for a margin and the scene does not say otherwise."""
@@ -100,20 +100,29 @@ class Regions:
         if dt > critical * (1 + 1e-12) and not scene.time.allow_unstable:
             allowed = f'"auto" or at least {math.ceil(macro_dt / critical)}: the critical step of the region is {critical:.6g} s'
             raise scene.error("fine: step_ratio", f"{self.m}, a step of {dt:.6g} s", allowed)
-        if self.interface(macro_dt) == "polynomial" and macro_dt > _NEAR * critical:
-            found = f'"polynomial" with a macro step of {macro_dt:.6g} s'
-            raise scene.error("fine: interface", found, f'"auto", "exact" or "kick": the operator needs a macro step up to the fine region\'s critical {critical:.6g} s')
+        if self.interface(macro_dt) == "polynomial" and macro_dt > self.sharp_critical_step():
+            found, most = f'"polynomial" with a macro step of {macro_dt:.6g} s', self.sharp_critical_step()
+            raise scene.error("fine: interface", found, f'"auto", "exact" or "kick": the operator needs a macro step up to the fine region\'s critical {most:.6g} s')
         if scene.particles.kinematics == "finite" and macro_dt > 1.05 * _BELOW_CRITICAL * self._critical(0) and scene.method == "mts":
             share = macro_dt / self._critical(0)
             warnings.append(f"the macro step is {share:.2f} of the critical one: above {_BELOW_CRITICAL} finite deformations may feed energy into the coupling (watched)")
         return warnings
+
+    def sharp_critical_step(self):
+        """Return the fine region's critical step, s, by power iteration on M^-1 K: the bound that steps are held to may be a quarter lower. Collective."""
+        if self._sharp is None:
+            part = self.parts[1]
+            forces = LinearForces(part.subdomain, self.body.law, part.exchange.bind)
+            found = critical_step(part.subdomain, self.body.law, forces, part.comm.allreduce) if part.subdomain.particles.n_owned else np.inf
+            self._sharp = max(self._critical(1), smallest(self.comm, found))
+        return self._sharp
 
     def interface(self, macro_dt):
         """Return the way the interface is solved: the scene's, or "polynomial" up to the fine region's critical step and "exact" above it. Collective."""
         chosen = self.scene.fine.interface
         if chosen != "auto":
             return chosen
-        return "polynomial" if macro_dt <= _NEAR * self._critical(1) else "exact"
+        return "polynomial" if macro_dt <= self.sharp_critical_step() else "exact"
 
     def stepper(self, macro_dt):
         """Return the stepper of the scene's method at t = 0. Collective."""
@@ -163,7 +172,7 @@ class Regions:
 
         if kind == "exact":
             return Exact(interface, macro_dt, self.m, strip, forces, held, make_solver)
-        return Polynomial(interface, macro_dt, self.m, strip, forces, held, make_solver, self._critical(1), degree)
+        return Polynomial(interface, macro_dt, self.m, strip, forces, held, make_solver, self.sharp_critical_step(), degree)
 
 
 def make_regions(scene, body, comm, m):
@@ -172,7 +181,8 @@ def make_regions(scene, body, comm, m):
         return _make_border_regions(scene, body, comm, m)
     radius, by_points = radius_of(scene), scene.material[0].model == "lps"
     width = scene.overlap * radius * (1 + 1e-9)
-    split = Split(make_shape(scene.fine), width, scene.particles.spacing, radius, by_points)
+    stencil = None if body.lattice is None else make_stencil(scene.dim, radius / scene.particles.spacing)
+    split = Split(make_shape(scene.fine), width, scene.particles.spacing, radius, by_points, stencil)
     bodies = [body.seen_through(window) for window in (split.coarse, split.fine)]
     samples = [sample_of(scene, each, comm) for each in bodies]
     works = [max(int(comm.allreduce(int(sample[1].sum()))), 1) * steps for sample, steps in zip(samples, (1, m))]

@@ -238,7 +238,7 @@ def _check_fine(scene):
         raise Rule("fine: overlap", fine.overlap, f"{least} to 100 horizons: {words}")
     if scene.material[0].model == "lps" and method == "subcycling":
         raise Rule("time.method", '"subcycling" with model = "lps"', '"mts", "micro" or "single": sub-cycling is there for pmb only')
-    if "interface" in fine.model_fields_set and method in ("single", "subcycling", "micro"):
+    if fine.interface != "auto" and method in ("single", "subcycling", "micro"):
         raise Rule("fine: interface", f'"{fine.interface}" with time.method = "{method}"', 'no such key, or time.method = "mts"')
 
 

@@ -3,7 +3,7 @@ import difflib
 import time
 
 from pdhpc.scene.schema import SceneError
-from pdhpc.study.verify import branching, dynamics, elasticity, fracture, mts, state_based  # noqa: F401  (they register their cases)
+from pdhpc.study.verify import branching, dynamics, elasticity, fracture, mts, mts_plate, state_based  # noqa: F401  (they register their cases)
 from pdhpc.study.verify.case import CASES
 
 
