@@ -202,7 +202,7 @@ class Bonded:
         unsure = np.flatnonzero(inside & (distance > self.width - self.spacing))
         for piece in np.array_split(unsure, max(1, len(unsure) * len(self.stencil) // _PIECE)):
             near = (points[piece][:, None, :] + self.stencil * self.spacing).reshape(-1, points.shape[1])
-            inside[piece] = (self.shape.distance(near).reshape(len(piece), -1) <= _SAME * self.spacing).any(axis=1)
+            inside[piece] = (self.shape.distance(near).reshape(len(piece), len(self.stencil)) <= _SAME * self.spacing).any(axis=1)
         return inside
 
     def bounds(self):

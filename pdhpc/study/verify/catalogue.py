@@ -2,22 +2,26 @@
 import difflib
 import time
 
+from pdhpc.parallel.comm import world
 from pdhpc.scene.schema import SceneError
 from pdhpc.study.verify import branching, dynamics, elasticity, fracture, mts, mts_plate, state_based  # noqa: F401  (they register their cases)
 from pdhpc.study.verify.case import CASES
 
 
 def main(names, only_list):
-    """Run the named cases (all without names) and print their verdicts; return the exit code: 1 when a check fails."""
+    """Run the named cases (all without names) and print their verdicts; return the exit code: 1 when a check fails.
+
+    Cases of coupled regions run on all ranks together, the others on each rank alone; rank 0 prints. Collective.
+    """
     from rich.console import Console
     from rich.table import Table
 
-    console = Console()
-    console = console if console.is_terminal else Console(width=200)
+    console = Console(quiet=world().rank > 0)
+    console = console if console.is_terminal or world().rank > 0 else Console(width=200)
     chosen = _choose(names)
     if only_list:
         for each in chosen:
-            print(f"{each.name:26s} {each.meaning}")
+            console.out(f"{each.name:26s} {each.meaning}", highlight=False)
         return 0
     table = Table("case", "check", "measured", "expected", "tolerance", "source", "verdict", box=None, padding=(0, 1, 0, 0))
     failed = total = 0

