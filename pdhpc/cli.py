@@ -54,6 +54,13 @@ def _parser():
     scale.add_argument("--predict", default=None, metavar="MACHINE", help="predict other machines from the runs on 1 and 2 ranks: a preset or a TOML file")
     scale.add_argument("--set", action="append", default=[], metavar="key=value", dest="overrides", help="change a key of the study; may be repeated")
     scale.set_defaults(action=_scale)
+    chart = commands.add_parser("chart", help="speed against accuracy: a scene with a fine region by every method and step ratio", epilog="Options after -- go to PETSc.")
+    chart.add_argument("scene", metavar="SCENE")
+    chart.add_argument("-o", "--output", metavar="DIR", required=True, help="folder for chart.csv and chart.png")
+    chart.add_argument("--ratios", default="1,2,4,5,10,20", metavar="M,M,...", help="step ratios (default 1,2,4,5,10,20)")
+    chart.add_argument("--methods", default="", metavar="NAME,...", help="of single, polynomial, exact, kick, subcycling, micro (default all)")
+    _add_set(chart)
+    chart.set_defaults(action=_chart)
     return parser
 
 
@@ -198,6 +205,27 @@ def _scale(options):
     for picture in pictures:
         print(f"picture: {picture}")
     print(f"rows: {options.output}/scaling.csv")
+    return 0
+
+
+def _chart(options):
+    from pdhpc.parallel.comm import world
+    from pdhpc.scene.schema import SceneError
+    from pdhpc.study.chart import METHODS, chart, report
+
+    try:
+        ratios = sorted({int(word) for word in options.ratios.split(",")})
+    except ValueError:
+        ratios = [0]
+    if not all(1 <= m <= 1000 for m in ratios):
+        raise SceneError(f'pdhpc chart: --ratios = "{options.ratios}"; allowed is whole numbers from 1 to 1000 with commas between, such as 1,2,4')
+    methods = options.methods.split(",") if options.methods else list(METHODS)
+    for name in methods:
+        if name not in METHODS:
+            raise SceneError(f'pdhpc chart: --methods = "{name}"; allowed is {", ".join(METHODS)}')
+    points = chart(options.scene, options.overrides, ratios, methods, options.output)
+    if world().rank == 0:
+        print(f"picture: {report(points, options.output)}\nrows: {options.output}/chart.csv")
     return 0
 
 
