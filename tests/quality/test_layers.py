@@ -14,6 +14,7 @@ LAYERS = [  # from the ground up; what stands in one set must not import from an
     {"materials", "geometry", "conditions", "output"},
     {"kernels"},
     {"peridynamics"},
+    {"mts"},
     {"run"},
     {"observers"},
     {"scene"},
