@@ -99,9 +99,11 @@ class MultiTimeStep(TwoRegions):
                 return np.array([np.nan])
             return np.concatenate([conserved_energy(stepper, forces) for stepper, forces in zip((self.coarse, self.fine), self._stiffness)])
         ledger = self.ledger()
-        inertia = [inertia_of(stepper, stepper.acceleration()) for stepper in (self.coarse, self.fine)]
-        parts = [-(stepper.dt**2) / 4 * each for stepper, each in zip((self.coarse, self.fine), inertia)]
-        return np.concatenate([ledger["kinetic_energy"], ledger["strain_energy"], -ledger["external_work"], *parts])
+        return np.concatenate([ledger["kinetic_energy"], ledger["strain_energy"], -ledger["external_work"], self.shadow()])
+
+    def shadow(self):
+        """Return (n,) J, -dt_s^2/8 a' M_s a: what central differences conserve beside kinetic and strain energy of linear forces. Local."""
+        return np.concatenate([-(each.dt**2) / 4 * inertia_of(each, each.acceleration()) for each in (self.coarse, self.fine)])
 
     def state(self):
         """Return {key: (getter, setter)} of everything a continued run needs: both regions and the multipliers."""

@@ -88,6 +88,7 @@ def _build_regions(scene, body, comm):
     m = 1 if scene.fine.step_ratio == "auto" else scene.fine.step_ratio
     while True:
         regions = make_regions(scene, body, comm, m)
+        regions.check_shape()
         _furnish(scene, body, regions.parts, comm)
         dt, n_steps, warnings = choose_step(scene, regions.critical_macro_dt())
         chosen = regions.choose_ratio(dt)

@@ -62,6 +62,12 @@ class Regions:
         self.scene, self.body, self.comm, self.split, self.m, self.parts, self.copies = scene, body, comm, split, m, parts, copies
         self.common_bonds = self._sharp = None
 
+    def check_shape(self):
+        """Raise a SceneError, on every rank, unless there are particles in the shape and beyond the overlap. Collective."""
+        for part, where in zip(self.parts, ("beyond its overlap", "in it")):
+            if self.comm.allreduce(int(part.subdomain.particles.n_owned - len(part.overlap))) == 0:
+                raise self.scene.error("fine: shape", f'"{self.scene.fine.shape}" with no particle {where}', "a shape that holds some particles of a body, and not all")
+
     def critical_macro_dt(self):
         """Return the largest macro step of the coarse region, s; smaller where finite deformations ask for a margin and the scene does not say otherwise."""
         critical, time = self._critical(0), self.scene.time
@@ -92,10 +98,7 @@ class Regions:
         ------
         SceneError: the fine region's step is above its critical one, or the interface does not fit.
         """
-        scene, fine, warnings = self.scene, self.scene.fine, []
-        empty = [name for name, part in zip(("no particle beside it", "no particle"), self.parts) if not self.comm.allreduce(part.subdomain.particles.n_owned)]
-        if empty or not self.comm.allreduce(len(self.parts[1].overlap)):
-            raise scene.error("fine: shape", f'"{fine.shape}" with {(empty or ["no overlap with the rest"])[0]}', "a shape that holds some particles of a body, not all")
+        scene, warnings = self.scene, []
         critical, dt = self._critical(1), macro_dt / self.m
         if dt > critical * (1 + 1e-12) and not scene.time.allow_unstable:
             allowed = f'"auto" or at least {math.ceil(macro_dt / critical)}: the critical step of the region is {critical:.6g} s'
@@ -127,10 +130,10 @@ class Regions:
     def stepper(self, macro_dt):
         """Return the stepper of the scene's method at t = 0. Collective."""
         interface, law = self._make_interface(), self.body.law
+        self.common_bonds.take_initial()
         sides = []
         for part, copies, steps in zip(self.parts, (interface.coarse, interface.fine), (1, self.m)):
             sides.append(VelocityVerlet(part.subdomain, law, part.conditions, part.exchange.bind, macro_dt / steps, copies))
-        self.common_bonds.take_initial()
         common_bonds = self.common_bonds if np.isfinite(law.break_at).any() else None
         if self.scene.method == "micro":
             stepper = MicroContinuity(*sides, self.m, interface, common_bonds)

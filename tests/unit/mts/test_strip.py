@@ -44,7 +44,7 @@ def test_noise_depends_on_ids_alone():
 
 
 def test_levels_grow_by_what_is_bonded():
-    stepper = coupled(4).stepper()
+    stepper = coupled(4, "polynomial", (44, 36), 11.0).stepper()
     strip = stepper.operator.strip
     assert np.array_equal(np.sort(stepper.interface.fine.slots), strip.slots[0])
     for level in range(2):
