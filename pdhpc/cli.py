@@ -100,14 +100,16 @@ def _is_root():
 def _run(options):
     from pdhpc.output.record import check_directory
     from pdhpc.parallel.comm import on_root, world
+    from pdhpc.parallel.linear_solver import unused_options, use_options
     from pdhpc.simulation import Simulation, read_on_root
 
     comm = world()
     scene = read_on_root(options.scene, options.overrides, comm)
     on_root(comm, check_directory, options.output, options.overwrite)
+    use_options(options.petsc_options)
     simulation = Simulation(scene, comm)
     if options.petsc_options:
-        simulation.warnings.append(f"no PETSc solver takes part in this scene: unused are the options {' '.join(options.petsc_options)}")
+        simulation.warnings += unused_options(options.petsc_options)
     record = simulation.run(options.output, options.overwrite, options.quiet)
     if comm.rank == 0:
         _finish_on_root(scene, record, options)
@@ -211,6 +213,7 @@ def _scale(options):
 def _chart(options):
     from pdhpc.parallel.comm import world
     from pdhpc.scene.schema import SceneError
+    from pdhpc.parallel.linear_solver import use_options
     from pdhpc.study.chart import METHODS, chart, report
 
     try:
@@ -223,6 +226,7 @@ def _chart(options):
     for name in methods:
         if name not in METHODS:
             raise SceneError(f'pdhpc chart: --methods = "{name}"; allowed is {", ".join(METHODS)}')
+    use_options(options.petsc_options)
     points = chart(options.scene, options.overrides, ratios, methods, options.output)
     if world().rank == 0:
         print(f"picture: {report(points, options.output)}\nrows: {options.output}/chart.csv")

@@ -75,7 +75,8 @@ def print_check(scene, ranks):
         ("bonds", f"{about}{found.bonds:,} (at most {found.neighbours} neighbours)"),
         *(("critical stretch", f"{material}: {text}") for material, text in found.critical_stretch),
         ("critical step", f"{found.critical_dt:.6g} s (sqrt(2 rho / |A|), A the stiffness tensor of a particle's bonds: a lower bound)"),
-        ("step", f"{found.dt:.6g} s"),
+        *_region_rows(found),
+        ("step" if not found.regions else "macro step", f"{found.dt:.6g} s"),
         ("steps", f"{found.steps:,}"),
         ("ranks", str(found.ranks)),
         ("memory per rank", f"about {_size(found.memory)}"),
@@ -83,6 +84,19 @@ def print_check(scene, ranks):
     ])
     for warning in found.warnings:
         print(f"warning: {warning}")
+
+
+def _region_rows(found):
+    """Return what `check` says of regions with a step of their own."""
+    rows = []
+    for region in found.regions:
+        first, last = region.ranks
+        ranks = f"rank {first}" if first == last else f"ranks {first} to {last}"
+        rows.append((f"{region.name} region", f"{region.particles:,} particles, {region.share:.1%} of the work, step {region.dt:.4g} s, critical {region.critical_dt:.4g} s"
+                     f" ({region.critical_dt / found.undivided_dt:.3f} of the undivided body's), {ranks}"))
+    if rows:
+        rows.append(("overlap", f"{found.overlap:,} particles in both regions; {found.step_ratio} fine steps in a macro step"))
+    return rows
 
 
 def _size(number):

@@ -20,6 +20,7 @@ from pdhpc.mts.interface import CommonBonds, Copies, Interface
 from pdhpc.mts.interface_operator import Exact, Polynomial
 from pdhpc.mts.strip import LinearForces, Strip
 from pdhpc.parallel.comm import compile_exact_sum
+from pdhpc.parallel.ghosts import compile_messages
 from pdhpc.parallel.partition import Partition
 from pdhpc.peridynamics.bonds import cut_by_cracks
 from pdhpc.peridynamics.critical_step import stable_step
@@ -102,6 +103,7 @@ def compile_coupling(dim, path, model, linear):
         operator.respond(np.zeros((2, dim)))
     for name in ("stress", "strain"):
         field(name, subdomain, law)
+    compile_messages(np.zeros((1, dim)), np.zeros((1, 1), np.uint64), np.zeros((1, dim + 1))[:, :dim], np.zeros((dim, 1)).T)
 
 
 class NoExchange:

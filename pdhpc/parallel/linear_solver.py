@@ -4,6 +4,26 @@ from typing import NamedTuple
 import numpy as np
 
 
+_prefixes = set()  # of the solvers made in this process
+
+
+def use_options(words):
+    """Hand the command line's PETSc options, such as ["-interface_ksp_rtol", "1e-10"], to PETSc, before any solver is made. Collective."""
+    if words:
+        import petsc4py
+
+        petsc4py.init(["pdhpc", *words])
+
+
+def unused_options(words):
+    """Return warnings about options that no solver of this run can have used: those without the prefix of one. Local."""
+    unused = [word for word in words if word.startswith("-") and word[1:2].isalpha() and not any(word[1:].startswith(prefix) for prefix in _prefixes)]
+    if not unused:
+        return []
+    there = f"the prefixes of this run's solvers are {', '.join(sorted(_prefixes))}" if _prefixes else "no PETSc solver takes part in this scene"
+    return [f"unused are the options {' '.join(unused)}: {there}"]
+
+
 class Defaults(NamedTuple):
     """How a system is solved unless PETSc's options say otherwise: "cg" to a relative tolerance, or "richardson" for a fixed number of iterations."""
 
@@ -27,6 +47,7 @@ class LinearSolver:
         from petsc4py import PETSc
 
         self.prefix, self.iterations, self.failure = prefix, 0, None
+        _prefixes.add(prefix)
         self._n = comm.allreduce(n_local)
         sizes = ((n_local, self._n), (n_local, self._n))
         operator = PETSc.Mat().createPython(sizes, _Shell(apply), comm=comm)

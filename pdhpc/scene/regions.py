@@ -70,10 +70,7 @@ class Regions:
 
     def critical_macro_dt(self):
         """Return the largest macro step of the coarse region, s; smaller where finite deformations ask for a margin and the scene does not say otherwise."""
-        critical, time = self._critical(0), self.scene.time
-        if self.scene.particles.kinematics == "finite" and time.dt == "auto" and "safety" not in time.model_fields_set:
-            return critical * _BELOW_CRITICAL / time.safety
-        return critical
+        return self._critical(0) * finite_margin(self.scene)
 
     def _critical(self, number):
         return self.parts[number].critical_dt_of(self.comm)
@@ -82,14 +79,7 @@ class Regions:
         """Return m: the scene's, or the smallest that meets the fine region's critical step and time.error. Collective."""
         if self.scene.fine.step_ratio != "auto":
             return self.m
-        setting = calibration_of(self.scene)
-        speed = max(material.wave_speed(setting) for material in self.body.materials)
-        stable = macro_dt / (self.scene.time.safety * self._critical(1))
-        accurate = math.pi * speed * macro_dt / self.scene.particles.horizon / math.sqrt(24 * self.scene.time.error)
-        m = max(1, math.ceil(max(stable, accurate) * (1 - 1e-9)))
-        if m > _MOST_STEPS:
-            raise self.scene.error("fine: step_ratio", f'"auto", which comes to {m:,}', f"a step ratio up to {_MOST_STEPS}: raise time.error or lower time.dt")
-        return m
+        return ratio_for(self.scene, self.body, macro_dt, self._critical(1))
 
     def check(self, macro_dt):
         """Return warnings. Collective.
@@ -178,14 +168,42 @@ class Regions:
         return Polynomial(interface, macro_dt, self.m, strip, forces, held, make_solver, self.sharp_critical_step(), degree)
 
 
+def finite_margin(scene):
+    """Return what the critical step is multiplied by before dt = "auto" takes its share: finite deformations get a margin unless the scene names the share."""
+    time = scene.time
+    careful = scene.particles.kinematics == "finite" and time.dt == "auto" and "safety" not in time.model_fields_set and scene.method == "mts"
+    return _BELOW_CRITICAL / time.safety if careful else 1.0
+
+
+def ratio_for(scene, body, macro_dt, critical_dt):
+    """Return the smallest m that meets the fine region's critical step and time.error: (pi c dt/delta)^2/24 of the shortest wave that a horizon resolves.
+
+    A wave of length 2 delta, omega = pi c/delta, loses (omega dt)^2/24 of its phase under central differences.
+    """
+    setting = calibration_of(scene)
+    speed = max(material.wave_speed(setting) for material in body.materials)
+    stable = macro_dt / (scene.time.safety * critical_dt)
+    accurate = math.pi * speed * macro_dt / scene.particles.horizon / math.sqrt(24 * scene.time.error)
+    m = max(1, math.ceil(max(stable, accurate) * (1 - 1e-9)))
+    if m > _MOST_STEPS:
+        raise scene.error("fine: step_ratio", f'"auto", which comes to {m:,}', f"a step ratio up to {_MOST_STEPS}: raise time.error or lower time.dt")
+    return m
+
+
+def split_of(scene, body):
+    """Return the Split of a body that a scene's fine region makes. Local."""
+    radius = radius_of(scene)
+    stencil = None if body.lattice is None else make_stencil(scene.dim, radius / scene.particles.spacing)
+    by_points = scene.material[0].model == "lps"
+    return Split(make_shape(scene.fine), scene.overlap * radius * (1 + 1e-9), scene.particles.spacing, radius, by_points, stencil)
+
+
 def make_regions(scene, body, comm, m):
     """Return the Regions of a scene whose fine region takes m steps in one of the rest: shared masses, bonds and energies, no cracks yet. Collective."""
     if scene.method == "subcycling":
         return _make_border_regions(scene, body, comm, m)
-    radius, by_points = radius_of(scene), scene.material[0].model == "lps"
-    width = scene.overlap * radius * (1 + 1e-9)
-    stencil = None if body.lattice is None else make_stencil(scene.dim, radius / scene.particles.spacing)
-    split = Split(make_shape(scene.fine), width, scene.particles.spacing, radius, by_points, stencil)
+    split = split_of(scene, body)
+    width = split.width
     bodies = [body.seen_through(window) for window in (split.coarse, split.fine)]
     samples = [sample_of(scene, each, comm) for each in bodies]
     works = [max(int(comm.allreduce(int(sample[1].sum()))), 1) * steps for sample, steps in zip(samples, (1, m))]

@@ -9,11 +9,13 @@ from pdhpc.geometry.lattice import points_of_bodies
 from pdhpc.kernels.neighbours import LANES
 from pdhpc.kernels.lattice import WORD
 from pdhpc.parallel.comm import world
+from pdhpc.parallel.partition import share_out
 from pdhpc.peridynamics.critical_step import stable_step
 from pdhpc.peridynamics.internal_forces import InternalForces
 from pdhpc.peridynamics.view import View
 from pdhpc.scene.body import calibration_of, make_body, radius_of, select
 from pdhpc.scene.build import build, choose_step, make_gauges
+from pdhpc.scene.regions import finite_margin, ratio_for, split_of
 from pdhpc.warm_up import NoGhosts, block
 
 _BYTES_PER_SLOT = 12.125  # neighbour, inverse length, bond state
@@ -22,6 +24,18 @@ _BYTES_PER_CELL = {2: 73, 3: 105}  # of a lattice, and 8 for each word of bond s
 _STATE_BYTES = {"pmb": 0, "lps": 16}
 _SMALL = 1.2e7  # directed bonds up to which the body is built
 _SLAB_POINTS = 1 << 20
+
+
+class RegionEstimate(NamedTuple):
+    """A region with a step of its own: share of the work of a macro step; ranks : (first, last) that have a part of it."""
+
+    name: str
+    particles: int
+    bonds: int
+    share: float
+    critical_dt: float
+    dt: float
+    ranks: Tuple[int, int]
 
 
 class Estimate(NamedTuple):
@@ -41,6 +55,10 @@ class Estimate(NamedTuple):
     seconds: float
     warnings: List[str]
     path: str
+    regions: List[RegionEstimate]  # none without a fine region
+    step_ratio: int
+    overlap: int  # particles that both regions hold
+    undivided_dt: float  # critical step of the body as one
 
 
 def estimate(scene, ranks=None):
@@ -52,16 +70,50 @@ def estimate(scene, ranks=None):
     family = _family_size(scene.dim, ratio)
     cells = sum(int(np.prod(lattice.cells, dtype=object)) for lattice in body.lattices)
     exact = cells * family <= _SMALL
+    whole = scene.model_copy(update={"time": scene.time.model_copy(update={"method": "single"}), "fine": None})
     if exact:
-        particles, bonds, neighbours, critical, warnings = _built(scene, ranks)
+        particles, bonds, neighbours, critical, warnings = _built(whole, ranks)
     else:
-        particles, bonds, neighbours, critical, warnings = _sampled(scene, body, family, ratio)
-    dt, steps, more = choose_step(scene, critical)
+        particles, bonds, neighbours, critical, warnings = _sampled(whole, body, family, ratio)
+    regions, m, overlap = [], 1, 0
+    if scene.method != "single":
+        regions, m, overlap, dt, steps, more = _regions(scene, body, ranks, exact, family, critical)
+    else:
+        dt, steps, more = choose_step(scene, critical)
     rate = _kernel_rate(scene, ratio, body.path.split(":")[0])
     memory = particles / ranks * _bytes_per_particle(scene, body, neighbours, ratio, particles / ranks)
-    seconds = 2 * bonds * steps / (rate * ranks)
+    work = sum(steps * region.bonds for steps, region in zip((1, m), regions)) if regions else bonds
+    seconds = 2 * work * steps / (rate * ranks)
     stretch = _critical_stretches(scene, body)
-    return Estimate(exact, particles, bonds, neighbours, stretch, critical, dt, steps, ranks, memory, rate, seconds, warnings + more, body.path)
+    smallest = min([critical, *(region.critical_dt for region in regions)])
+    return Estimate(exact, particles, bonds, neighbours, stretch, smallest, dt, steps, ranks, memory, rate, seconds, warnings + more, body.path, regions, m,
+                    overlap, critical)
+
+
+def _regions(scene, body, ranks, exact, family, critical):
+    """Return ([RegionEstimate], m, particles of the overlap, macro step, number of them, warnings) of a scene with a fine region."""
+    from mpi4py import MPI
+
+    if exact:
+        problem = build(scene, MPI.COMM_SELF)
+        counts = [(part.subdomain.particles.n_owned, part.subdomain.bonds.n_directed // 2, part.critical_dt) for part in problem.parts]
+        m, dt, steps, warnings, overlap = problem.m, problem.dt, problem.n_steps, problem.warnings, len(problem.parts[1].overlap)
+    else:
+        found = split_of(scene, body)
+        counts = [(number, number * family // 2, critical) for number in (_count(body.seen_through(window)) for window in (found.coarse, found.fine))]
+        dt, steps, warnings = choose_step(scene, critical * finite_margin(scene))
+        m = scene.fine.step_ratio if scene.fine.step_ratio != "auto" else ratio_for(scene, body, dt, critical)
+        overlap = sum(count[0] for count in counts) - _count(body)
+    works = [counts[0][1], m * counts[1][1]]
+    regions = []
+    for name, count, work, step, (first, shares) in zip(("coarse", "fine"), counts, works, (dt, dt / m), share_out(works, ranks)):
+        regions.append(RegionEstimate(name, count[0], count[1], work / max(sum(works), 1), count[2], step, (first, first + len(shares) - 1)))
+    return regions, m, overlap, dt, steps, warnings
+
+
+def _count(body):
+    """Return the number of particles of a body."""
+    return sum(len(points) for lattice in body.lattices for points in _slabs(lattice))
 
 
 def _bytes_per_particle(scene, body, neighbours, ratio, per_rank):

@@ -76,7 +76,34 @@ def test_bad_scenes_on_any_number_of_ranks(tmp_path, ranks):
 def test_unused_petsc_options_are_named(tmp_path):
     done = pdhpc("run", write(tmp_path, plate((4, 4))), "-o", tmp_path / "out", "--set", "output.frames=1", "--", "-ksp_view", "-foo", "3")
     assert done.returncode == 0
-    assert "-ksp_view -foo 3" in json.loads((tmp_path / "out" / "run.json").read_text())["warnings"][0]
+    assert "-ksp_view -foo" in json.loads((tmp_path / "out" / "run.json").read_text())["warnings"][0]
+
+
+def test_petsc_options_reach_the_interface(tmp_path):
+    fine = '[fine]\nshape = "disk"\ncenter = [0.0, 0.0]\nradius = 3.0\nstep_ratio = 4\ninterface = "exact"\n[[initial]]\nregion = "all"\nvelocity_gradient = [[1e-3, 0.0], [0.0, 1e-3]]\n'
+    scene, counts = write(tmp_path, plate((24, 16), kinematics="linear", extra=fine)), []
+    for tolerance in ("1e-2", "1e-12"):
+        out = tmp_path / tolerance
+        done = pdhpc("run", scene, "-o", out, "--set", "time.end=20.0", "--set", "output.frames=1", "--", "-interface_ksp_rtol", tolerance, "-gfem_ksp_view")
+        assert done.returncode == 0, done.stderr
+        record = json.loads((out / "run.json").read_text())
+        assert len(record["warnings"]) == 1 and "-gfem_ksp_view" in record["warnings"][0] and "interface_ksp_rtol" not in record["warnings"][0]
+        counts.append(record["coupling"]["interface_iterations"])
+        assert record["method"] == "mts" and record["coupling"]["step_ratio"] == 4 and record["particles"] == 24 * 16
+    assert counts[0] < counts[1]
+
+
+def test_chart_names(tmp_path):
+    scene = write(tmp_path, plate((8, 6)))
+    is_one_sentence(pdhpc("chart", scene, "-o", tmp_path / "out"), "fine = nothing")
+    is_one_sentence(pdhpc("chart", scene, "-o", tmp_path / "out", "--ratios", "1,x"), "--ratios", "1,x")
+    is_one_sentence(pdhpc("chart", scene, "-o", tmp_path / "out", "--methods", "sngle"), "--methods", "sngle")
+
+
+def test_check_says_what_each_region_does(tmp_path):
+    fine = '[fine]\nshape = "disk"\ncenter = [0.0, 0.0]\nradius = 3.0\nstep_ratio = 4\n'
+    done = pdhpc("check", write(tmp_path, plate((24, 16), kinematics="linear", extra=fine)), "--ranks", 3)
+    assert done.returncode == 0 and "coarse region" in done.stdout and "of the work" in done.stdout and "4 fine steps in a macro step" in done.stdout
 
 
 def test_check_explain_and_schema(tmp_path):

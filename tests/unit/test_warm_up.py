@@ -26,7 +26,7 @@ from numba.core.dispatcher import Dispatcher
 from mpi4py import MPI
 from pdhpc import simulation
 from pdhpc.scene.read import read_scene
-from pdhpc.warm_up import compile_kernels
+from pdhpc.warm_up import compile_coupling, compile_kernels
 
 def compiled():
     found = set()
@@ -42,6 +42,7 @@ overrides = ["particles.path=" + path, "output.pictures=false"]
 scene = read_scene(scene, overrides)
 assert all(material.model == model for material in scene.material)
 compile_kernels((scene.dim,), (path,), (model,))
+compile_coupling(scene.dim, path, model, scene.particles.kinematics == "linear")
 before = compiled()
 simulation._compile_first_on_each_node = lambda *arguments: None
 simulation.Simulation(scene, MPI.COMM_SELF).run(out, quiet=True)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from pdhpc.parallel.partition import Partition, bisect
+from pdhpc.parallel.partition import Nowhere, Partition, bisect, share_out
 
 
 def test_owner_and_box_of_a_hand_made_tree():
@@ -75,3 +75,30 @@ def test_more_ranks_than_points():
     points = np.array([[0.0, 0.0], [1.0, 0.0]])
     owner = bisect(Pretend(5), points, np.ones(2, int)).owner(points)
     assert len(set(owner)) == 2
+
+
+def test_boxes_hold_shares_of_the_weight():
+    points, shares = np.random.default_rng(0).random((20_000, 2)), [1.0, 0.25, 1.0]
+    tree = bisect(Pretend(1), points, np.ones(20_000, int), shares=shares)
+    held = np.bincount(tree.owner(points), minlength=3) / 20_000
+    assert held == pytest.approx(np.array(shares) / 2.25, abs=2e-3)
+
+
+@pytest.mark.parametrize("works, size", [([3.0, 1.0], 2), ([1.0, 1.0], 4), ([9.0, 1.0], 7), ([5.0, 3.0, 2.0], 3), ([1.0, 1e-6], 5), ([2.0, 3.0], 1)])
+def test_work_is_shared_out_in_intervals(works, size):
+    shared = share_out(works, size)
+    loads = np.zeros(size)
+    for work, (first, shares) in zip(works, shared):
+        loads[first : first + len(shares)] += work * shares / shares.sum()
+        assert len(shares) >= 1 and 0 <= first and first + len(shares) <= size and np.all(shares > 0)
+    assert loads == pytest.approx(np.full(size, sum(works) / size), rel=0.03)
+
+
+def test_borders_of_work_move_to_borders_of_ranks():
+    assert [(first, len(shares)) for first, shares in share_out([1.01, 0.99], 2)] == [(0, 1), (1, 1)]
+    assert [(first, len(shares)) for first, shares in share_out([1.2, 0.8], 2)] == [(0, 2), (1, 1)]
+
+
+def test_nowhere_holds_nothing():
+    lower, upper = Nowhere().box(0, 3)
+    assert not (lower < upper).any() and Nowhere().owner(np.zeros((2, 3))).tolist() == [0, 0]
