@@ -96,7 +96,7 @@ def compile_coupling(dim, path, model, linear):
     interface.start_multipliers()
     interface.velocity_gap()
     interface.largest_gap()
-    strip = Strip(subdomain, slots, 3, bind)
+    strip = Strip(subdomain, slots, 5, bind)  # state-based laws reach that far
     for make in (Exact, lambda *arguments: Polynomial(*arguments, 1.0)):
         operator = make(interface, 1e-9, 3, strip, LinearForces(subdomain, law, bind), [], lambda n, apply, diagonal: None)
         operator.apply(np.zeros((2, dim)))
