@@ -114,7 +114,9 @@ class Simulation:
         """Return the content of run.json. Collective."""
         problem, stepper, comm = self.problem, self.stepper, self.comm
         view, parts = stepper.view, [self._part(part) for part in problem.parts]
-        per_rank = np.array(comm.allgather([view.n, view.directed_bonds(), sum(steps * part[3] for steps, part in zip((1, problem.m), parts)), sum(part[1] for part in parts), sum(part[2] for part in parts)]))
+        work = sum(steps * bonds for steps, (_, _, _, bonds) in zip((1, problem.m), parts))
+        ghosts, sent = sum(part[1] for part in parts), sum(part[2] for part in parts)
+        per_rank = np.array(comm.allgather([view.n, view.directed_bonds(), work, ghosts, sent]))
         phases = {**self.seconds, **stepper.seconds}
         slowest = {name: max(comm.allgather(seconds)) for name, seconds in phases.items()}
         mean = {name: float(np.mean(comm.allgather(seconds))) for name, seconds in phases.items()}

@@ -1,4 +1,4 @@
-"""Benchmarks of pdhpc, as ratios of interleaved runs: kernels against LAMMPS, runs against their kernels, ranks, set-up and memory, start-up. See tools/bench."""
+"""Benchmarks of pdhpc, as ratios of interleaved runs: kernels against LAMMPS, runs against their kernels, ranks, set-up and memory, start-up, coupled regions. See tools/bench."""
 import json
 import os
 import re
@@ -319,6 +319,66 @@ def setup_rank(path, cells):
         print(json.dumps({"particles": total, "seconds": seconds, "bytes": peak}))
 
 
+def coupling():
+    """The fractured plate with 250,000 particles: one step everywhere against m steps in the fine region, in time; the interface's share; 1 against 2 ranks."""
+    found = {}
+    for _ in range(ROUNDS):
+        for m, ranks in ((1, 1), (4, 1), (10, 1), (1, 2), (4, 2), (10, 2)):
+            found.setdefault((m, ranks), []).append(_worker(["coupling-rank", str(m)], ranks=ranks))
+    for m in (4, 10):
+        for ranks in (1, 2):
+            gains = [single["seconds"] / each["seconds"] for single, each in zip(found[1, ranks], found[m, ranks])]
+            shares = [each["share"] for each in found[m, ranks]]
+            print(f"coupling: m = {m}, {ranks} rank(s): {_spread(gains)} times one step everywhere, interface {statistics.median(shares):.1%} of the macro step")
+        print(f"coupling: m = {m}: {_spread([a['seconds'] / b['seconds'] for a, b in zip(found[m, 1], found[m, 2])])} times as fast on 2 ranks as on 1")
+
+
+def _spread(values):
+    """Return the median and the extremes of some ratios, in words."""
+    return f"{statistics.median(values):.2f} ({min(values):.2f} to {max(values):.2f})"
+
+
+def coupling_rank(m):
+    """One rank of `coupling`: seconds of a fine step's worth of time, m = 1: one step everywhere."""
+    from mpi4py import MPI
+
+    from pdhpc.scene.build import build
+    from pdhpc.scene.read import parse_scene
+
+    comm, m = MPI.COMM_WORLD, int(m)
+    text = (ROOT / "runs" / "fractured_plate.toml").read_text()
+    method = ["time.method=single"] if m == 1 else [f"fine.step_ratio={m}", "fine.interface=polynomial"]
+    stepper = build(parse_scene(text, "plate", ["particles.spacing=2e-4", "particles.horizon=0.603e-3", f"time.dt={3.5e-9 * m}", *method]), comm).stepper()
+    for _ in range(3):
+        stepper.advance()
+    before, steps = dict(stepper.seconds), max(20, 200 // m)
+    comm.Barrier()
+    started = time.perf_counter()
+    for _ in range(steps):
+        stepper.advance()
+    comm.Barrier()
+    seconds = time.perf_counter() - started
+    interface = comm.allreduce(stepper.seconds.get("interface", 0.0) - before.get("interface", 0.0), op=MPI.MAX)
+    if comm.rank == 0:
+        print(json.dumps({"seconds": seconds / steps / m, "share": interface / seconds}))
+
+
+def energy():
+    """E* of two regions over 1e5 macro steps, exact interface solved to 1e-12: the long check that the tests do over 1e4."""
+    from pdhpc.parallel.comm import exact_sum, world
+    from pdhpc.study.verify.mts import coupled, shake
+
+    for m in (1, 2, 5, 10, 20):
+        problem = coupled(m, "exact")
+        shake(problem, 1e-3)
+        stepper = problem.stepper()
+        stepper.operator = problem.make_stepper.__self__.operator(stepper.interface, problem.dt, "exact", tolerance=1e-12)
+        first = exact_sum(world(), stepper.conserved_quantity())
+        for _ in range(100_000):
+            stepper.advance()
+        print(f"energy: m = {m}: E* changed by {exact_sum(world(), stepper.conserved_quantity()) / first - 1:.1e} over 1e5 macro steps", flush=True)
+
+
 def startup():
     """Seconds of `pdhpc --help` and of a warm `pdhpc check`."""
     program = ROOT / ".venv" / "bin" / "pdhpc"
@@ -331,8 +391,8 @@ def startup():
         print(f"startup: pdhpc {' '.join(words[:1])}: median {statistics.median(seconds[1:]):.2f} s")
 
 
-PARTS = {"kernel": kernel, "run": run, "scaling": scaling, "prediction": prediction, "setup": setup, "startup": startup}
-WORKERS = {"rates": rates, "run-rank": run_rank, "steps": steps, "row": row, "setup-rank": setup_rank}
+PARTS = {"kernel": kernel, "run": run, "scaling": scaling, "prediction": prediction, "setup": setup, "startup": startup, "coupling": coupling, "energy": energy}
+WORKERS = {"rates": rates, "run-rank": run_rank, "steps": steps, "row": row, "setup-rank": setup_rank, "coupling-rank": coupling_rank}
 
 if __name__ == "__main__":
     if sys.argv[1:2] and sys.argv[1] in WORKERS:

@@ -28,7 +28,7 @@ def measure(study, scene, comm):
     from pdhpc.simulation import Simulation
 
     simulation = Simulation(scene, comm)
-    stepper, domain = simulation.stepper, simulation.problem.subdomain
+    stepper, view, problem = simulation.stepper, simulation.stepper.view, simulation.problem
     for _ in range(study.warm_up):
         stepper.advance()
     before = dict(stepper.seconds)
@@ -38,12 +38,14 @@ def measure(study, scene, comm):
         stepper.advance()
     seconds = time.perf_counter() - started
     phases = np.array([stepper.seconds[name] - before[name] for name in PHASES])
-    per_rank = np.array(comm.allgather([seconds, *phases, domain.particles.n_owned, domain.bonds.n_directed, domain.particles.n_ghost, stepper.internal.bytes_sent]))
-    seconds, force, owned, bonds = per_rank[:, 0].max(), per_rank[:, 1], per_rank[:, 5], per_rank[:, 6]
+    work = sum(steps * part.subdomain.bonds.n_directed for part, steps in zip(problem.parts, (1, problem.m)))
+    ghosts = sum(part.subdomain.particles.n_ghost for part in problem.parts)
+    per_rank = np.array(comm.allgather([seconds, *phases, view.n, view.directed_bonds(), ghosts, stepper.bytes_sent, work]))
+    seconds, force, owned, bonds, work = per_rank[:, 0].max(), per_rank[:, 1], per_rank[:, 5], per_rank[:, 6], per_rank[:, 9]
     row = {
-        "host": platform.node(), "ranks": comm.size, "path": simulation.problem.body.path.split(":")[0], "particles": int(owned.sum()),
+        "host": platform.node(), "ranks": comm.size, "path": problem.body.path.split(":")[0], "particles": int(owned.sum()),
         "bonds": int(bonds.sum()) // 2, "steps": study.steps, "seconds": float(seconds), "setup": simulation.seconds["setup"],
-        "bond_imbalance": float(bonds.max() / bonds.mean()), "force_imbalance": float(force.max() / force.mean()),
+        "bond_imbalance": float(work.max() / work.mean()), "force_imbalance": float(force.max() / force.mean()),
         "ghosts": int(per_rank[:, 7].sum()), "bytes_per_step": int(per_rank[:, 8].sum()),
         "particle_steps_per_second_and_core": float(owned.sum() * study.steps / (seconds * comm.size)),
     }
@@ -56,15 +58,15 @@ def measure(study, scene, comm):
 def _time_frame(simulation, comm):
     """Return the seconds that one frame of displacement and damage takes. Collective."""
     from pdhpc.output.fields import FieldWriter
-    from pdhpc.peridynamics.fields import field
 
     folder = on_root(comm, tempfile.mkdtemp, "", "pdhpc-frame-", ".")
-    domain, particles = simulation.problem.subdomain, simulation.problem.subdomain.particles
+    view = simulation.stepper.view
+    view.prepare()
     writer = FieldWriter(comm, folder, {"scene": "", "version": "", "ranks": comm.size})
-    writer.write_points(particles.id[: particles.n_owned], domain.places(), particles.owned(particles.volume), particles.owned(particles.block))
+    writer.write_points(view.ids, view.places(), view.volume, view.block)
     comm.Barrier()
     started = time.perf_counter()
-    writer.write_frame(0, 0.0, {name: field(name, domain, simulation.problem.body.law) for name in ("displacement", "damage")})
+    writer.write_frame(0, 0.0, {name: view.field(name) for name in ("displacement", "damage")})
     comm.Barrier()
     seconds = time.perf_counter() - started
     on_root(comm, _remove, folder)

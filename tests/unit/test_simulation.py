@@ -75,3 +75,32 @@ def test_either_path_runs_the_same_crack(comm, model):
     assert np.array_equal(*(run.problem.subdomain.bonds.alive() for run in runs))
     u, w = (run.problem.subdomain.particles.owned(run.problem.subdomain.particles.displacement) for run in runs)
     assert np.abs(u - w).max() < 1e-9 * np.abs(u).max()
+
+FINE = '[fine]\nshape = "disk"\ncenter = [0.0, 0.0]\nradius = 4.0\nstep_ratio = 4\n'
+
+
+@pytest.mark.parametrize("method", ("mts", "subcycling", "micro"))
+def test_two_regions_leave_what_one_body_does(tmp_path, comm, method):
+    text = plate((24, 16), kinematics="finite", extra=FINE + MOVING, material="critical_stretch = 0.1")
+    overrides = ["time.end=20.0", "output.frames=4", 'output.fields=["displacement", "velocity", "damage", "stress"]']
+    record = Simulation(parse_scene(text, "t", [*overrides, f"time.method={method}"]), comm).run(tmp_path / "out", quiet=True)
+    single = Simulation(parse_scene(text, "t", [*overrides, "time.method=single"]), comm).run(tmp_path / "single", quiet=True)
+    assert record["particles"] == single["particles"] == 384 and record["bonds"] == single["bonds"] and record["broken_bonds"] == 0
+    assert record["energies"]["kinetic_energy"] == pytest.approx(single["energies"]["kinetic_energy"], rel=1e-9)
+    assert read_frame(tmp_path / "out")[2]["displacement"][:, 0] == pytest.approx(0.02, rel=1e-6)
+    assert sorted(read_points(tmp_path / "out")["id"]) == list(range(384))
+    history = read_history(tmp_path / "out" / "history.csv")
+    assert history["p.velocity_x [m/s]"].tolist() == pytest.approx([0.001] * 5, rel=1e-6)
+    assert (record["coupling"] is not None) == (method == "mts") == ("displacement_gap [m]" in history)
+    if method == "mts":
+        regions = record["coupling"]["regions"]
+        assert regions["coarse"]["dt"] == pytest.approx(4 * regions["fine"]["dt"]) and record["coupling"]["interface"] == "polynomial"
+        assert regions["coarse"]["particles"] + regions["fine"]["particles"] == 384 + record["coupling"]["overlap_particles"]
+        assert history["bond_evaluations_fine"][-1] == regions["fine"]["bond_evaluations"] and record["coupling"]["velocity_gap"] < 1e-9
+
+
+def test_damage_in_the_overlap_is_reported(comm):
+    pull = '[[initial]]\nregion = "all"\nvelocity_gradient = [[0.0, 0.0], [0.0, 6e-3]]\n'
+    scene = parse_scene(plate((24, 16), kinematics="finite", extra=FINE + pull, material="critical_stretch = 0.02"), "t", ["time.end=20.0", "output.frames=1"])
+    record = Simulation(scene, comm).run(quiet=True)
+    assert record["coupling"]["broken_in_overlap"] > 0 and f"({record['coupling']['broken_in_overlap']} bonds broke there)" in record["warnings"][-1]

@@ -15,3 +15,10 @@ def test_a_row_has_every_column_and_adds_up(tmp_path, monkeypatch):
     phases = sum(row[f"{name}_mean"] for name in ("force", "exchange", "wait", "integrate"))
     assert 0.5 * row["seconds"] < phases <= row["seconds"]
     assert list(tmp_path.iterdir()) == []  # the frame that was timed is gone
+
+
+def test_a_scene_with_two_regions_is_measured_too(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    fine = '[fine]\nshape = "disk"\ncenter = [0.0, 0.0]\nradius = 3.0\nstep_ratio = 4\n'
+    row = measure(Study(scene="x", kind="strong", ranks=[1], steps=5, warm_up=2), parse_scene(plate((24, 16), extra=fine), "plate"), MPI.COMM_SELF)
+    assert row["particles"] == 24 * 16 and row["bond_imbalance"] == 1.0 and row["bonds"] > 0
