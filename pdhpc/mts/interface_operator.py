@@ -76,17 +76,17 @@ class _OnStrip(_Operator):
 
 
 class Exact(_OnStrip):
-    """H itself on the strip of two horizons, by CG (KSP `interface_`), preconditioned by D = dT/2 (M_A^-1 + M_B^-1).
+    """H itself on a strip of two horizons, of more where waves get farther in dT, by CG (KSP `interface_`), preconditioned by D = dT/2 (M_A^-1 + M_B^-1).
 
     Costs (m - 1) sweeps over the strip in each iteration and once more for the response.
     """
 
-    name, levels = "exact", 2
+    name = "exact"
 
-    def __init__(self, interface, macro_dt, m, strip, forces, held, make_solver):
-        """make_solver : function (n_local, apply, diagonal) -> solver with solve(r) -> x and `iterations`."""
+    def __init__(self, interface, macro_dt, m, strip, forces, held, make_solver, horizons=2):
+        """make_solver : function (n_local, apply, diagonal) -> solver with solve(r) -> x and `iterations`. horizons : width of the strip beyond the overlap."""
         super().__init__(interface, macro_dt, m, strip, forces, held)
-        self._level = 2 * self._reach
+        self._level = horizons * self._reach
         self._slots = strip.slots[self._level]
         count = (len(self._slots), interface.dim)
         self._u, self._v, self._a, self._ramp = (np.zeros(count) for _ in range(4))

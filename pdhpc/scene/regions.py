@@ -17,12 +17,14 @@ from pdhpc.parallel.comm import largest, part_of, smallest
 from pdhpc.parallel.ghosts import GhostExchange
 from pdhpc.parallel.linear_solver import Defaults, LinearSolver
 from pdhpc.parallel.partition import Nowhere, share_out
+from pdhpc.peridynamics.critical_step import stable_step
 from pdhpc.peridynamics.lattice_subdomain import make_stencil
 from pdhpc.peridynamics.velocity_verlet import VelocityVerlet
 from pdhpc.scene.body import calibration_of, make_shape, radius_of
 from pdhpc.scene.parts import Part, make_subdomain_of, partition_of, sample_of
 
 _MOST_STEPS = 1000  # of the fine region in one of the rest
+_MARGIN = 0.97  # of the critical step that power iteration finds, which is too large by a part in a hundred at most
 _BELOW_CRITICAL = 0.65  # share of the critical step at which finite deformations are safe (see README)
 
 
@@ -31,17 +33,30 @@ class RegionPart(Part):
 
     Attributes
     ----------
-    ramp : (n_slots,) the part's share of each particle. overlap : (n,) int32, slots of its owned copies, in the order of messages.
+    sharp_dt : s. ramp : (n_slots,) the part's share of each particle. overlap : (n,) int32, slots of its owned copies, in the order of messages.
     """
 
     def __init__(self, comm, subdomain, counts):
         """counts : function points -> (n,) bool, which particles this part counts."""
         super().__init__(comm, subdomain)
-        self._counts, self.ramp, self.overlap = counts, None, None
+        self._counts, self.ramp, self.overlap, self.sharp_dt = counts, None, None, np.inf
 
     def counted(self):
         """Return (n_owned,) bool: the particles that this part counts when each of the body is to be counted once. Local."""
         return self._counts(self.subdomain.places())
+
+    def find_critical_step(self, law):
+        """Set sharp_dt, the critical step by power iteration, and critical_dt: the bound of particles that the part holds alone, and 0.97 sharp_dt. Collective.
+
+        The bound of particles in an overlap, whose bonds lie to one side, would be up to 0.6 of that.
+        """
+        subdomain, found = self.subdomain, np.inf
+        if self.comm.allreduce(subdomain.particles.n_owned):
+            forces = LinearForces(subdomain, law, self.exchange.bind)
+            found = critical_step(subdomain, law, forces, self.comm.allreduce)
+        self.sharp_dt = float(f"{found:.5e}")  # rounded: sums over ranks differ in the last bits
+        bound, alone = (smallest(self.comm, stable_step(subdomain, law, shared)) for shared in (True, False))
+        self.critical_dt = max(bound, min(alone, _MARGIN * self.sharp_dt))
 
     def settle_bonds(self, law):
         """Make what depends on the bonds that are intact at the start. Collective over the part's ranks."""
@@ -60,7 +75,7 @@ class Regions:
 
     def __init__(self, scene, body, comm, split, m, parts, copies):
         self.scene, self.body, self.comm, self.split, self.m, self.parts, self.copies = scene, body, comm, split, m, parts, copies
-        self.common_bonds = self._sharp = None
+        self.common_bonds = None
 
     def check_shape(self):
         """Raise a SceneError, on every rank, unless there are particles in the shape and beyond the overlap. Collective."""
@@ -102,13 +117,8 @@ class Regions:
         return warnings
 
     def sharp_critical_step(self):
-        """Return the fine region's critical step, s, by power iteration on M^-1 K: the bound that steps are held to may be a quarter lower. Collective."""
-        if self._sharp is None:
-            part = self.parts[1]
-            forces = LinearForces(part.subdomain, self.body.law, part.exchange.bind)
-            found = critical_step(part.subdomain, self.body.law, forces, part.comm.allreduce) if part.subdomain.particles.n_owned else np.inf
-            self._sharp = max(self._critical(1), float(f"{smallest(self.comm, found):.5e}"))  # rounded: sums over ranks differ in the last bits
-        return self._sharp
+        """Return the fine region's critical step, s, by power iteration. Collective."""
+        return smallest(self.comm, self.parts[1].sharp_dt)
 
     def interface(self, macro_dt):
         """Return the way the interface is solved: the scene's, or "polynomial" up to the fine region's critical step and "exact" above it. Collective."""
@@ -155,7 +165,8 @@ class Regions:
             return Kick(interface, macro_dt, self.m)
         part = self.parts[1]
         reach = 1 if part.subdomain.state is None else 2
-        strip = Strip(part.subdomain, part.overlap, max(2, degree) * reach + reach - 1, part.exchange.bind)
+        horizons = max(2, min(self.m - 1, math.ceil(2 * macro_dt / self.sharp_critical_step())))  # what a response reaches in a macro step
+        strip = Strip(part.subdomain, part.overlap, max(horizons, degree) * reach + reach - 1, part.exchange.bind)
         forces = LinearForces(part.subdomain, self.body.law, part.exchange.bind)
         held = [(motion.indices, motion.components) for motion in part.conditions.motions]
         defaults = Defaults("cg", tolerance) if kind == "exact" else Defaults("richardson", iterations=order + 1)
@@ -164,7 +175,7 @@ class Regions:
             return LinearSolver(part.comm, "interface_", defaults, n_local, apply, diagonal)
 
         if kind == "exact":
-            return Exact(interface, macro_dt, self.m, strip, forces, held, make_solver)
+            return Exact(interface, macro_dt, self.m, strip, forces, held, make_solver, horizons)
         return Polynomial(interface, macro_dt, self.m, strip, forces, held, make_solver, self.sharp_critical_step(), degree)
 
 

@@ -28,7 +28,6 @@ def test_finite_motions_get_a_smaller_step_unless_told(comm):
 
 
 @pytest.mark.parametrize("overrides, words", [
-    (["fine.step_ratio=1", "time.dt=1.45"], r"fine: step_ratio = 1, a step of 1.45 s; allowed is \"auto\" or at least 2"),
     (["fine.center=[11.0, 7.0]", "fine.radius=40.0"], "with no particle beyond its overlap"),
     (["fine.center=[11.9, 7.9]", "fine.radius=0.2"], "with no particle in it"),
     (["fine.overlap=0.5"], "fine: overlap = 0.5; allowed is 1 to 100 horizons"),
@@ -56,3 +55,51 @@ def test_the_interface_is_chosen_by_the_fine_regions_step(comm):
 def test_methods(comm, method, name):
     stepper = made(comm, "fine.step_ratio=2", f"time.method={method}").stepper()
     assert type(stepper).__name__ == name and stepper.view.n == 24 * 16
+
+
+STIFF = """
+[[material]]
+name = "stiff"
+density = 1.0
+youngs_modulus = 16.0
+[[body]]
+name = "right"
+material = "stiff"
+shape = "box"
+lower = [12.0, -8.0]
+upper = [24.0, 8.0]
+[fine]
+shape = "box"
+lower = [7.0, -9.0]
+upper = [25.0, 9.0]
+"""
+
+
+def stiff(comm, *overrides):
+    return build(parse_scene(plate((24, 16), extra=STIFF), "scene", ["time.end=200.0", *overrides]), comm)
+
+
+def test_a_stiffer_fine_region_asks_for_more_steps(comm):
+    """Four times the wave speed: a quarter of the critical step, whatever the rest may take."""
+    with pytest.raises(SceneError, match=r'fine: step_ratio = 2, a step of 0.6\d+ s; allowed is "auto" or at least 4: the critical step of the region is 0.3'):
+        stiff(comm, "fine.step_ratio=2", "time.dt=1.3")
+    problem = stiff(comm, "time.error=0.9")
+    assert problem.m == 4 and problem.dt / 4 <= problem.critical_dt and problem.make_stepper.__self__.interface(problem.dt) == "exact"
+    with pytest.raises(SceneError, match=r'fine: interface = "polynomial" with a macro step of 1.3 s; allowed is "auto", "exact" or "kick"'):
+        stiff(comm, "fine.step_ratio=5", "time.dt=1.3", "fine.interface=polynomial")
+    stepper = problem.stepper()
+    first = stepper.conserved_quantity().sum()
+    assert first == 0.0
+
+
+def test_e_star_is_conserved_across_a_stiffer_region(comm):
+    problem = stiff(comm, "fine.step_ratio=5", "time.dt=1.2", "time.end=300.0")
+    for part in problem.parts:
+        particles = part.subdomain.particles
+        particles.put(particles.velocity, 1e-3 * np.sin(part.subdomain.places()))
+    stepper = problem.stepper()
+    stepper.operator = problem.make_stepper.__self__.operator(stepper.interface, problem.dt, "exact", tolerance=1e-12)
+    first = stepper.conserved_quantity().sum()
+    for _ in range(250):
+        stepper.advance()
+    assert stepper.conserved_quantity().sum() == pytest.approx(first, rel=1e-10) and first > 0
