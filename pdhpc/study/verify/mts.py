@@ -224,6 +224,34 @@ def mts_energy():
     return checks
 
 
+@case
+def mts_three_dimensions():
+    """In three dimensions, both models: m = 1 is the undivided run, and E* is conserved at m = 4"""
+    comm, checks = world(), []
+    for model in ("pmb", "lps"):
+        words = "" if model == "pmb" else 'model = "lps"\npoissons_ratio = 0.3'
+        fine = '[fine]\nshape = "sphere"\ncenter = [0.0, 0.0, 0.0]\nradius = 2.0\nstep_ratio = 4\n'
+        text, found = plate((14, 12, 12), 2.0, extra=fine, material=words, dimension="3d"), {}
+        for name, overrides in (("mts", ["fine.interface=exact"]), ("m = 1", ["fine.step_ratio=1"]), ("single", ["time.method=single"])):
+            problem = build(parse_scene(text, "verification scene", ["time.dt=0.6", "time.end=1e3", *overrides]), comm)
+            shake(problem, 1e-3)
+            stepper = problem.stepper()
+            if name == "mts":
+                stepper.operator = _regions(problem).operator(stepper.interface, problem.dt, "exact", tolerance=1e-12)
+                first = exact_sum(comm, stepper.conserved_quantity())
+            for _ in range(200):
+                stepper.advance()
+            found[name] = field_by_id(stepper.view, stepper.view.field("displacement"), comm)
+            if name == "mts":
+                change = exact_sum(comm, stepper.conserved_quantity()) / first - 1.0
+                checks.append(at_most(f"{model}, m = 4: change of E* over 200 macro steps", change, 1e-11, "Prakash & Hjelmstad 2004"))
+        apart = np.abs(found["m = 1"] - found["single"]).max() / np.abs(found["single"]).max()
+        checks.append(at_most(f"{model}, m = 1: displacement after 200 steps", apart, 1e-12, "identity"))
+        moved = np.abs(found["mts"] - found["single"]).max() / np.abs(found["single"]).max()
+        checks.append(Check(f"{model}, m = 4: another run than the undivided one, by {moved:.1e}", float(1e-6 < moved < 0.5), 1.0, 0.0, "a case that tests something"))
+    return checks
+
+
 _HELD = """
 [[region]]
 name = "end"
