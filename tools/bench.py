@@ -372,7 +372,7 @@ def energy():
         problem = coupled(m, "exact")
         shake(problem, 1e-3)
         stepper = problem.stepper()
-        stepper.operator = problem.make_stepper.__self__.operator(stepper.interface, problem.dt, "exact", tolerance=1e-12)
+        stepper.operator = problem.regions.operator(stepper.interface, problem.dt, "exact", tolerance=1e-12)
         first = exact_sum(world(), stepper.conserved_quantity())
         for _ in range(100_000):
             stepper.advance()

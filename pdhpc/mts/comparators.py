@@ -62,10 +62,10 @@ class Subcycling(TwoRegions):
         """collars : [Collar of coarse particles in the fine region, Collar of fine particles in the coarse region]."""
         super().__init__(coarse, fine, m)
         self._to_fine, self._to_coarse = collars
-        self._to_fine.remember()
 
     def advance(self):
         """Do one macro step. Collective over the owners of neighbours and of copies."""
+        self._to_fine.remember()
         self.coarse.begin()
         self._to_fine.send()
         for j in range(1, self.m + 1):
@@ -73,7 +73,6 @@ class Subcycling(TwoRegions):
             self._to_fine.place(j / self.m)
             self.fine.internal.evaluate()
             self.fine.finish()
-        self._to_fine.remember()
         self._to_coarse.send()
         self._to_coarse.place(1.0)
         self.coarse.internal.evaluate()

@@ -1,5 +1,4 @@
 """Energies that a multi-time-step integration conserves (Prakash & Hjelmstad 2004)."""
-import numpy as np
 
 
 def inertia_of(stepper, field):

@@ -35,6 +35,10 @@ class _Operator:
         """None, or what the first solve that failed has to say."""
         return getattr(self._solver, "failure", None)
 
+    def state(self):
+        """Return {key: (getter, setter)} of what a continued run needs. Local."""
+        return {}
+
     def velocity_offset(self):
         """Return what to add to the fine copies' velocities for the velocity of the body, m/s. Local."""
         return 0.0
@@ -191,6 +195,10 @@ class Kick(_Operator):
     def __init__(self, interface, macro_dt, m):
         super().__init__(interface, macro_dt, m)
         self._offset = np.zeros_like(self.diagonal)
+
+    def state(self):
+        """Return {key: (getter, setter)} of the velocities' offset. Local."""
+        return {"kick/offset": (lambda: self._offset, lambda value: setattr(self, "_offset", value))}
 
     def solve(self, gap):
         """Return 2 J/dT, what multipliers of this impulse would be. Local."""

@@ -107,7 +107,7 @@ class MultiTimeStep(TwoRegions):
 
     def state(self):
         """Return {key: (getter, setter)} of everything a continued run needs: both regions and the multipliers."""
-        return {**super().state(), **self.interface.state()}
+        return {**super().state(), **self.interface.state(), **self.operator.state()}
 
     def broken_in_overlap(self):
         """Return the directed bonds of this rank's fine copies to other copies that broke so far. Local."""

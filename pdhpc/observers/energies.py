@@ -1,6 +1,4 @@
 """Energy ledger of the body: columns of history.csv."""
-import numpy as np
-
 from pdhpc.parallel.comm import exact_sum
 
 NAMES = ("kinetic_energy", "strain_energy", "dissipated_energy", "external_work")

@@ -1,7 +1,7 @@
 """Scene -> objects: the rank's particles in one or two regions, conditions, time step, stepper and gauges."""
 import math
 from dataclasses import dataclass
-from typing import Callable, List
+from typing import Callable, List, Optional
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from pdhpc.peridynamics.bonds import cut_by_cracks
 from pdhpc.peridynamics.velocity_verlet import VelocityVerlet
 from pdhpc.scene.body import Body, make_body, select
 from pdhpc.scene.parts import Part, make_part, partition_of
-from pdhpc.scene.regions import make_regions
+from pdhpc.scene.regions import Regions, make_regions
 from pdhpc.scene.rules import section
 
 _PIECE = 1 << 18  # particles that a region is tested on at once: bounds the temporary memory
@@ -28,7 +28,7 @@ class Problem:
     """Everything one rank needs to run a scene.
 
     parts : the body, or its coarse and its fine region. dt : s, of the body, or of the coarse region: the macro step. critical_dt : s, of the body, or the
-    smaller one of the regions'. make_stepper : function dt -> what advances. m : steps of the fine region in one of these; 1 without one.
+    smaller one of the regions'. make_stepper : function dt -> what advances. regions : with a fine region. m : steps of the fine region in one of these; 1 without one.
     """
 
     scene: object
@@ -40,6 +40,7 @@ class Problem:
     n_steps: int
     warnings: List[str]
     make_stepper: Callable
+    regions: Optional[Regions] = None
 
     @property
     def subdomain(self):
@@ -99,7 +100,7 @@ def _build_regions(scene, body, comm):
         warnings.append('time.error is not used: fine.step_ratio is given, not "auto"')
     warnings += regions.check(dt)
     critical = min(part.critical_dt_of(comm) for part in regions.parts)
-    return Problem(scene, body, regions.parts, critical, dt, m, n_steps, warnings, regions.stepper)
+    return Problem(scene, body, regions.parts, critical, dt, m, n_steps, warnings, regions.stepper, regions)
 
 
 def _furnish(scene, body, parts, comm):

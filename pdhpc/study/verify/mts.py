@@ -178,7 +178,7 @@ def _truncated_sum(comm):
 
 def _regions(problem):
     """Return the Regions that made a problem's stepper."""
-    return problem.make_stepper.__self__
+    return problem.regions
 
 
 @case

@@ -27,7 +27,7 @@ def test_with_one_step_h_is_the_diagonal(comm):
 
 
 def test_costs_of_the_three(problem):
-    regions = problem.make_stepper.__self__
+    regions = problem.regions
     stepper = problem.stepper()
     x = noise(np.arange(len(stepper.interface.fine.slots)), 2)
     costs = {}

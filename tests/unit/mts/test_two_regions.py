@@ -5,9 +5,10 @@ from pdhpc.mts.two_regions import Timer
 from pdhpc.study.verify.mts import coupled, shake
 
 
-def test_a_run_continues_from_its_state():
+@pytest.mark.parametrize("interface", ("polynomial", "kick"))
+def test_a_run_continues_from_its_state(interface):
     """What state() names is all that the future depends on: a copy of it, put back, gives the same run again."""
-    problem = coupled(4, "polynomial", kinematics="finite", material="critical_stretch = 0.01")
+    problem = coupled(4, interface, kinematics="finite", material="critical_stretch = 0.01")
     shake(problem, 2e-3)
     stepper = problem.stepper()
     for _ in range(10):
@@ -17,12 +18,13 @@ def test_a_run_continues_from_its_state():
     for _ in range(10):
         stepper.advance()
     expected = stepper.view.field("displacement").copy()
+    moving = stepper.view.field("velocity").copy()
     for key, (get, put) in stepper.state().items():
         put(saved[key])
-    assert stepper.step == 10
+    assert stepper.step == 10 and ("kick/offset" in saved) == (interface == "kick")
     for _ in range(10):
         stepper.advance()
-    assert np.array_equal(stepper.view.field("displacement"), expected)
+    assert np.array_equal(stepper.view.field("displacement"), expected) and np.array_equal(stepper.view.field("velocity"), moving)
 
 
 def test_energies_of_both_regions_are_the_bodys():

@@ -46,7 +46,7 @@ def test_what_nothing_uses_is_said(comm):
 
 
 def test_the_interface_is_chosen_by_the_fine_regions_step(comm):
-    regions = made(comm, "fine.step_ratio=4").make_stepper.__self__
+    regions = made(comm, "fine.step_ratio=4").regions
     critical = regions.sharp_critical_step()
     assert regions.parts[1].critical_dt < critical and regions.interface(0.99 * critical) == "polynomial" and regions.interface(1.01 * critical) == "exact"
 
@@ -84,7 +84,7 @@ def test_a_stiffer_fine_region_asks_for_more_steps(comm):
     with pytest.raises(SceneError, match=r'fine: step_ratio = 2, a step of 0.6\d+ s; allowed is "auto" or at least 4: the critical step of the region is 0.3'):
         stiff(comm, "fine.step_ratio=2", "time.dt=1.3")
     problem = stiff(comm, "time.error=0.9")
-    assert problem.m == 4 and problem.dt / 4 <= problem.critical_dt and problem.make_stepper.__self__.interface(problem.dt) == "exact"
+    assert problem.m == 4 and problem.dt / 4 <= problem.critical_dt and problem.regions.interface(problem.dt) == "exact"
     with pytest.raises(SceneError, match=r'fine: interface = "polynomial" with a macro step of 1.3 s; allowed is "auto", "exact" or "kick"'):
         stiff(comm, "fine.step_ratio=5", "time.dt=1.3", "fine.interface=polynomial")
     stepper = problem.stepper()
@@ -98,7 +98,7 @@ def test_e_star_is_conserved_across_a_stiffer_region(comm):
         particles = part.subdomain.particles
         particles.put(particles.velocity, 1e-3 * np.sin(part.subdomain.places()))
     stepper = problem.stepper()
-    stepper.operator = problem.make_stepper.__self__.operator(stepper.interface, problem.dt, "exact", tolerance=1e-12)
+    stepper.operator = problem.regions.operator(stepper.interface, problem.dt, "exact", tolerance=1e-12)
     first = stepper.conserved_quantity().sum()
     for _ in range(250):
         stepper.advance()
