@@ -1,1 +1,1 @@
-"""L2: finite elements on a distributed mesh: linear elasticity, explicit, implicit and static."""
+"""L2: finite elements: the distributed mesh of the whole body, its elements, and linear elasticity on them."""
