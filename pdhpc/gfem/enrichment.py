@@ -34,7 +34,7 @@ class EnrichedSpace:
     Attributes
     ----------
     residual (n_vertices, dim), relative, of owned vertices in J. mean, norm (n_vertices, dim).
-    iterations : of the last solve. failure : None, or what the first solve that failed has to say.
+    iterations : of the solver so far. failure : None, or what the first solve that failed has to say.
     """
 
     iterations = 0
@@ -115,7 +115,8 @@ class EnrichedSpace:
         mass, dim = self.mass, self._mesh.dim
         guess = np.concatenate((self.mean[mass.standard].ravel(), np.where(self._inverse_norm > 0.0, self.norm, 0.0)[mass.enriched].ravel()))
         x = self._solver.solve(self._right(right_nodes, momentum), guess)
-        self.iterations, self.failure = self._solver.iterations, self.failure or self._solver.failure
+        self.iterations += self._solver.iterations
+        self.failure = self.failure or self._solver.failure
         nodes, amplitude = self._coefficients[:, :dim], self._coefficients[:, dim:]
         n_owned, n_standard = self._mesh.n_owned, dim * len(mass.standard)
         lumped = self._lumped[:n_owned, None]
