@@ -22,8 +22,8 @@ class LatticeMaterial:
     stiffness : (n_kinds, corners dim, corners dim), N/m. lumped : (n_kinds, corners), kg, row sums of the mass matrix. consistent : (n_kinds, corners, corners).
     """
 
-    def __init__(self, lattice, subdomain, law):
-        """lattice : CellLattice. Before cracks are cut. Local."""
+    def __init__(self, lattice, subdomain, law, continuum=None):
+        """lattice : CellLattice. Before cracks are cut. continuum : None, or (n_block, s, s), Pa, moduli by block in the place of the lattice's. Local."""
         self._lattice, self._subdomain, self._law = lattice, subdomain, law
         mesh = lattice.mesh
         keys = self._keys()
@@ -39,7 +39,7 @@ class LatticeMaterial:
             slots = self._slots[number][there]
             values = np.empty((len(slots), size, size))
             lattice_moduli(subdomain.bonds.arrays, subdomain.points, law, particles.third, slots, values)
-            self.moduli[number, there] = values
+            self.moduli[number, there] = values if continuum is None else continuum[particles.block[slots]]
             self._mass[number, there] = law.density[particles.block[slots]] * particles.volume[slots]
         self.volume = float(particles.volume[0]) if len(particles.volume) else 0.0
         self.lumped = self._mass @ lattice.shape

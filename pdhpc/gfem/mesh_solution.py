@@ -76,12 +76,16 @@ class MeshSolution:
 
     def evaluate(self, time):
         """Store the forces of elements and of loads outside the patches, at the present displacement and `time`, in `force`: this rank's part. Local."""
+        self.evaluate_elements()
+        for load, nodal in zip(self.loads, self._outside_loads):
+            add_scaled(self.force, load.time_function.value(time), nodal)
+
+    def evaluate_elements(self):
+        """As `evaluate`, without loads."""
         mesh, material = self.mesh, self.material
         self.force[:] = 0.0
         add_kind_forces(mesh.cells, self._plain, material.kind, material.stiffness, self.displacement, self.force)
         add_cell_forces(mesh.cells, self._ramped, self._ramped_stiffness, self.displacement, self.force)
-        for load, nodal in zip(self.loads, self._outside_loads):
-            add_scaled(self.force, load.time_function.value(time), nodal)
 
     def steer(self, time, dt):
         """Put in `change` what takes prescribed components to where they must be at time + dt. Local."""
