@@ -9,7 +9,7 @@ from time import perf_counter
 import numpy as np
 
 from pdhpc.gfem import lanes
-from pdhpc.gfem.loads import LoadOnLanes
+from pdhpc.gfem.loads import LoadOnLanes, sub_step_sums
 from pdhpc.gfem.points import interpolate
 from pdhpc.kernels import blend, sweeps
 from pdhpc.kernels.lattice import mark_kinds
@@ -201,6 +201,11 @@ class LocalParticles:
             self._forces(0.5 * tau if j == k else tau, (k - j) * tau**2, start + j * tau)
         self._kick(0.5 * tau)
         self.particle_steps += k * len(self.points.slots)
+
+    def add_loads_to_sums(self, k):
+        """Add what loads on blended particles did in the k sub-steps of the last run to their impulses and moments. Local."""
+        for load in self.acting_on_lanes:
+            load.add_to(self.blended, *sub_step_sums(load.time_function, self.start, self.tau, k))
 
     def refresh(self):
         """Bring the positions of moving ghosts up to date. Collective over neighbours."""

@@ -11,7 +11,6 @@ vanish: only the rows of Blended particles are projected.
 import numpy as np
 
 from pdhpc.gfem import lanes
-from pdhpc.gfem.loads import sub_step_sums
 from pdhpc.gfem.vertex_means import VertexMeans
 from pdhpc.jit import kernel
 
@@ -60,9 +59,8 @@ class Pinned:
 
     def reconstruct(self):
         """Take the local run as it is: eta = U - u^n in the space of displacements, V in that of velocities, both at the particles, with the coefficient 1. Local."""
-        local, blended = self.local, self.local.blended
-        for load in local.acting_on_lanes:
-            load.add_to(blended, *sub_step_sums(load.time_function, local.start, local.tau, self.k))
+        local = self.local
+        local.add_loads_to_sums(self.k)
         return local.subdomain.particles.position, local.subdomain.particles.velocity
 
     def solve(self, eta, time):

@@ -15,6 +15,7 @@ LAYERS = [  # from the ground up; what stands in one set must not import from an
     {"kernels"},
     {"peridynamics", "fem"},
     {"mts"},
+    {"gfem"},
     {"run"},
     {"observers"},
     {"scene"},
