@@ -3,6 +3,7 @@ import itertools
 
 import numpy as np
 
+from pdhpc.parallel.comm import world
 from pdhpc.study.verify.case import Check, at_most, case
 from pdhpc.study.verify.mls_reference import (
     BOX, PATHS, THROUGH_CRACK, body_of, by_slot, dense_squares, differences, jump, near_crack, polynomial, random_points, rebuild, relative, squares_of,
@@ -197,3 +198,22 @@ def _errors_of_a_wave(dim, degree, n):
         borne = result.degree == degree
         found.append((relative(result.value, np.sin(phase), borne), relative(result.gradient, np.cos(phase)[:, :, None] * waves, borne)))
     return found
+
+
+@case
+def mls_ranks():
+    """Every point is one rank's, and what is rebuilt there has the bits that it has on one rank"""
+    checks, comm = [], world()
+    for dim, path in itertools.product((2, 3), PATHS):
+        results = []
+        for problem in (body_of(dim, path, extra=THROUGH_CRACK[dim]), body_of(dim, path, extra=THROUGH_CRACK[dim], comm=comm)):
+            squares, values = squares_of(problem), by_slot(problem.subdomain, jump(dim)(problem.subdomain.places()) ** 3)
+            problem.exchange.bind(values).refresh()
+            points = random_points(problem, 3000)
+            results.append(squares.reconstruct(points, squares.nearest(points), values))
+        alone, shared = results
+        different = sum(int(np.sum(comm.allreduce(found) != whole)) for found, whole in zip(shared[:2], alone[:2]))
+        checks.append(Check(f"{dim}D, {path}: numbers that differ from 1 rank", different, 0.0, 0.0, "bitwise equality"))
+        holders = comm.allreduce((shared.degree >= 0).astype(int))
+        checks.append(Check(f"{dim}D, {path}: points that are not one rank's", int(np.sum(holders != 1)), 0.0, 0.0, "a partition of the body"))
+    return checks

@@ -6,6 +6,8 @@ from pdhpc.kernels.family import end_of_bonds, first_bond, is_alive, neighbour
 from pdhpc.mls.basis import Basis
 from pdhpc.mls.reconstruct import MovingLeastSquares
 from pdhpc.scene.body import radius_of
+from pdhpc.scene.build import build
+from pdhpc.scene.read import parse_scene
 from pdhpc.study.verify.case import plate, problem_of
 
 PATHS = ("lattice", "cloud")
@@ -16,10 +18,11 @@ THROUGH_CRACK = {  # cracks through the whole body, halfway between two layers o
 }
 
 
-def body_of(dim, path="lattice", cells=None, spacing=1.0, extra=""):
-    """Return the Problem of a box of horizon 3.015 spacings."""
+def body_of(dim, path="lattice", cells=None, spacing=1.0, extra="", comm=None):
+    """Return the Problem of a box of horizon 3.015 spacings, on this process alone or on the ranks of `comm`."""
     text = plate(cells or BOX[dim], 3.015, spacing, extra=extra, dimension="plane_stress" if dim == 2 else "3d")
-    return problem_of(text, [f"particles.path={path}", f"time.dt={1e-3 * spacing!r}"])
+    overrides = [f"particles.path={path}", f"time.dt={1e-3 * spacing!r}"]
+    return problem_of(text, overrides) if comm is None else build(parse_scene(text, "verification scene", overrides), comm)
 
 
 def squares_of(problem, degree=1, radius=2.0):
