@@ -12,19 +12,21 @@ from pathlib import Path
 import numpy as np
 
 from pdhpc import __version__
-from pdhpc.observers.coupling import Coupling, CouplingGuard
 from pdhpc.observers.guard import FiniteGuard
 from pdhpc.observers.output import FieldOutput, HistoryOutput, columns, steps_of
 from pdhpc.observers.progress import Progress
 from pdhpc.output.fields import FieldWriter
 from pdhpc.output.history import History
 from pdhpc.output.record import OutputError, claim_directory, write_json
-from pdhpc.parallel.comm import largest, on_root, world
+from pdhpc.parallel.comm import on_root, world
 from pdhpc.run import RunError, drive
 from pdhpc.scene.body import make_body
-from pdhpc.scene.build import build, make_gauges
+from pdhpc.scene.build import build
+from pdhpc.scene.gauges import make_gauges
+from pdhpc.scene.mesh_rules import unused
 from pdhpc.scene.read import parse_scene, read_text
 
+_STEPPING = ("force", "exchange", "wait", "integrate", "assemble", "solve")  # phases of a step
 _LARGE_BALANCE_ERROR = 0.02  # relative; a larger one is reported as a warning
 
 
@@ -33,7 +35,7 @@ class Simulation:
 
     Attributes
     ----------
-    scene : Scene. problem : Problem, this rank's share. stepper : VelocityVerlet at its current step. energies, probes, tips : gauges.
+    scene : Scene. problem : this rank's share. stepper : what advances it, at its current step. energies, probes, tips : gauges.
     """
 
     def __init__(self, scene, comm=None):
@@ -46,9 +48,9 @@ class Simulation:
         self.problem = build(scene, self.comm)
         self.stepper = self.problem.stepper()
         self.energies, self.probes, self.tips = make_gauges(self.problem, self.stepper.view, self.comm)
-        self.coupling = Coupling(self.comm, self.stepper) if hasattr(self.stepper, "operator") else None
+        self.coupling = self.problem.coupling(self.stepper, self.comm)
         self.seconds = {"compile": compiled - started, "setup": time.perf_counter() - compiled}
-        self.warnings = list(self.problem.warnings)
+        self.warnings = unused(scene) + list(self.problem.warnings)
 
     @classmethod
     def from_file(cls, path, overrides=(), comm=None):
@@ -94,10 +96,8 @@ class Simulation:
         frames = steps_of(scene.output_times(), problem.dt, problem.n_steps)
         rows = steps_of(sorted(set(scene.history_times()) | set(scene.output_times())), problem.dt, problem.n_steps)
         progress = Progress(problem.n_steps, scene.time.end, quiet or self.comm.rank > 0)
-        observers = [FiniteGuard(self.comm, frames), *self.tips]
+        observers = [FiniteGuard(self.comm, frames), *self.tips, *problem.guards(self.stepper, self.comm, frames)]
         coupling = [] if self.coupling is None else [self.coupling]
-        if coupling:
-            observers.append(CouplingGuard(self.comm, frames))
         if directory is not None:
             header = {"scene": scene.resolved(), "version": __version__, "ranks": self.comm.size}
             observers.append(FieldOutput(FieldWriter(self.comm, directory, header), scene.output.fields, frames))
@@ -113,17 +113,10 @@ class Simulation:
     def _record(self, status):
         """Return the content of run.json. Collective."""
         problem, stepper, comm = self.problem, self.stepper, self.comm
-        view, parts = stepper.view, [self._part(part) for part in problem.parts]
-        work = sum(steps * bonds for steps, (_, _, _, bonds) in zip((1, problem.m), parts))
-        ghosts, sent = sum(part[1] for part in parts), sum(part[2] for part in parts)
-        per_rank = np.array(comm.allgather([view.n, view.directed_bonds(), work, ghosts, sent]))
         phases = {**self.seconds, **stepper.seconds}
         slowest = {name: max(comm.allgather(seconds)) for name, seconds in phases.items()}
         mean = {name: float(np.mean(comm.allgather(seconds))) for name, seconds in phases.items()}
-        stepping = sum(mean[name] for name in ("force", "exchange", "wait", "integrate"))
-        n_particles, n_bonds = int(per_rank[:, 0].sum()), int(per_rank[:, 1].sum()) // 2
-        evaluations = {name: int(comm.allreduce(count)) for name, count in stepper.bond_evaluations.items()}
-        record = {
+        return {
             "status": status,
             "title": self.scene.title,
             "scene_file": self.scene.source,
@@ -131,10 +124,7 @@ class Simulation:
             "commit": commit(),
             "host": platform.node(),
             "ranks": comm.size,
-            "particles": n_particles,
-            "bonds": n_bonds,
-            "path": problem.body.path,
-            "neighbours_largest": int(largest(comm, max(int(part.subdomain.bonds.family_size.max(initial=0)) for part in problem.parts))),
+            **problem.sizes(stepper, comm),
             "method": self.scene.method,
             "critical_dt": problem.critical_dt,
             "dt": problem.dt,
@@ -143,46 +133,14 @@ class Simulation:
             "time": stepper.time,
             "seconds": mean,
             "seconds_slowest_rank": slowest,
-            "bond_evaluations": sum(evaluations.values()),
-            "particle_steps_per_second_and_core": n_particles * stepper.step / (stepping * comm.size) if stepping > 0 else None,
-            "ghosts": int(per_rank[:, 3].sum()),
-            "sent_per_step": int(per_rank[:, 4].sum()),
-            "bytes_sent_per_step": int(comm.allreduce(stepper.bytes_sent)),
-            "bond_imbalance": float(per_rank[:, 2].max() / max(per_rank[:, 2].mean(), 1)),
-            "coupling": self._coupled(evaluations),
+            **problem.work(stepper, comm, sum(mean[name] for name in stepper.seconds if name in _STEPPING)),
+            "coupling": problem.coupled(stepper, comm, self.coupling),
             "broken_bonds": self.energies.latest.get("broken_bonds", 0),
             "energies": {name: value for name, value in self.energies.latest.items() if name != "broken_bonds"},
             "balance_error_relative": self.energies.relative_error() if self.energies.latest else None,
             "tips": {tip.settings.name: {"position": tip.position, "speed": tip.speed, "largest_speed": tip.largest_speed} for tip in self.tips},
             "warnings": self.warnings,
             "scene": self.scene.resolved(),
-        }
-        return record
-
-    def _part(self, part):
-        """Return (owned particles, ghosts, particles sent, directed bonds) of a part on this rank."""
-        particles = part.subdomain.particles
-        return particles.n_owned, particles.n_ghost, part.exchange.sent, part.subdomain.bonds.n_directed
-
-    def _coupled(self, evaluations):
-        """Return what run.json says of the regions and their coupling; None without. Collective."""
-        if self.coupling is None:
-            return None
-        problem, stepper, comm = self.problem, self.stepper, self.comm
-        regions = {}
-        for name, part, steps in zip(("coarse", "fine"), problem.parts, (1, problem.m)):
-            owned, bonds = comm.allreduce(np.array([part.subdomain.particles.n_owned, part.subdomain.bonds.n_directed]))
-            ranks = int(comm.allreduce(int(part.subdomain.particles.n_owned > 0)))
-            regions[name] = {"particles": int(owned), "directed_bonds": int(bonds), "dt": problem.dt / steps, "critical_dt": part.critical_dt_of(comm), "ranks": ranks,
-                             "bond_evaluations": evaluations[name]}
-        return {
-            "step_ratio": problem.m,
-            "interface": stepper.operator.name,
-            "overlap_particles": int(comm.allreduce(len(stepper.interface.fine.slots))),
-            "regions": regions,
-            "bond_evaluations_interface": evaluations["interface"],
-            "conserved_quantity_change": self.coupling.relative_change(),
-            **{name: value for name, value in self.coupling.latest.items() if not name.startswith("bond_evaluations")},
         }
 
 

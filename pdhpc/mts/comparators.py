@@ -2,6 +2,7 @@
 import numpy as np
 
 from pdhpc.mts.two_regions import TwoRegions
+from pdhpc.mts.view import first_of
 from pdhpc.peridynamics.view import View
 
 
@@ -112,6 +113,8 @@ class Collar:
 class BorderView:
     """The particles of two regions that meet: each region's own. As peridynamics.view.View."""
 
+    carrier, cells = "particle", None
+
     def __init__(self, stepper, own):
         """own : of both regions, (n_owned,) bool, the particles that are not copies."""
         self._steppers = stepper.coarse, stepper.fine
@@ -120,6 +123,10 @@ class BorderView:
         self.dim = self._parts[0].dim
         self.ids = self._join("ids")
         self.n = len(self.ids)
+
+    def first_not_finite(self):
+        """Return (id, place) of the first particle whose displacement is NaN or infinite, None without any. Local."""
+        return first_of(self._parts)
 
     def _join(self, name):
         return np.concatenate([getattr(part, name)[own] for part, own in zip(self._parts, self._own)])

@@ -5,11 +5,18 @@ from pdhpc.peridynamics import fields
 from pdhpc.peridynamics.view import View
 
 
+def first_of(views):
+    """Return the finding of `first_not_finite` with the smallest id among some views, None without any. Local."""
+    return min((found for found in (view.first_not_finite() for view in views) if found is not None), default=None)
+
+
 class JoinedView:
     """The particles of a coarse and a fine region: the coarse ones outside the overlap, then all fine ones. As peridynamics.view.View.
 
     `field`, `foremost` and `broken` are Collective over the owners of copies.
     """
+
+    carrier, cells = "particle", None
 
     def __init__(self, coarse, fine, interface, common_bonds, operator=None):
         """coarse, fine : VelocityVerlet. interface : Interface. common_bonds : CommonBonds. operator : of interface_operator.py, or None."""
@@ -67,6 +74,10 @@ class JoinedView:
             pairs = zip(*(fields.deformation_moments(each.subdomain, each.law) for each in self._steppers))
             return fields.strain_of(subdomain, *(self._added(*pair) for pair in pairs))
         return self._added(*(part.field(name) for part in self._parts))
+
+    def first_not_finite(self):
+        """Return (id, place) of the first particle whose displacement is NaN or infinite, None without any. Local."""
+        return first_of(self._parts)
 
     def foremost(self, members, ahead, threshold):
         """Return the m whose members[m] has a grown damage above `threshold` with the largest ahead[m]; -1 if none."""

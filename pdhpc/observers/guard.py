@@ -1,5 +1,4 @@
 """The NaN guard: a run whose numbers are no longer finite stops and says where."""
-from pdhpc.kernels.motion import first_not_finite
 from pdhpc.run import Observer, RunError
 
 
@@ -11,16 +10,12 @@ class FiniteGuard(Observer):
 
     def observe(self, stepper):
         """Stop on every rank when a displacement is NaN or infinite on any. Collective."""
-        mine = None
-        for subdomain in stepper.parts:
-            particles = subdomain.particles
-            row = int(first_not_finite(particles.displacement, particles.slots))
-            if row >= 0:
-                mine = _first(mine, (int(particles.id[row]), tuple(float(x) for x in subdomain.places(row)[0])))
+        view = stepper.view
+        mine = view.first_not_finite()
         bad = [each for each in [self.comm.allreduce(mine, op=_first)] if each is not None]
         if bad:
             raise RunError(
-                f"the displacement of particle {bad[0][0]} at {bad[0][1]} m is not finite at step {stepper.step}, t = {stepper.time:.6g} s"
+                f"the displacement of {view.carrier} {bad[0][0]} at {bad[0][1]} m is not finite at step {stepper.step}, t = {stepper.time:.6g} s"
                 f" (checked every {self.every} steps): the step is too large or the loads are"
             )
 
@@ -30,7 +25,7 @@ class FiniteGuard(Observer):
 
 
 def _first(a, b):
-    """Return the finding with the smaller particle id; None counts as no finding."""
+    """Return the finding with the smaller id; None counts as no finding."""
     if a is None or b is None:
         return b if a is None else a
     return min(a, b)

@@ -1,4 +1,4 @@
-"""Probes: a field at the particle nearest to a point, its mean over a region, or the reaction force of a region."""
+"""Probes: a field at the particle or vertex nearest to a point, its mean over a region, or the reaction force of a region."""
 import numpy as np
 
 from pdhpc.parallel.comm import exact_sum
@@ -18,13 +18,13 @@ def components(quantity, dim):
 
 
 class Probe:
-    """Mean over some particles (one particle: a point probe), or the reaction force R = - sum V f over a region.
+    """Mean over some particles or vertices (one of them: a point probe), or the reaction force R = - sum V f over a region.
 
     f is the total force density (bonds and loads), so R is the force that the support of a held region exerts on the body, apart from the region's inertia.
     """
 
     def __init__(self, comm, name, quantity, members, dim):
-        """members (n,) int, owned particles of this rank. Collective."""
+        """members (n,) int, of the stepper's view, on this rank. Collective."""
         self.comm, self.quantity, self.members, self.dim = comm, quantity, members, dim
         self.count = comm.allreduce(len(members))
         self.columns = tuple(f"{name}.{component} [{UNITS[quantity]}]" for component in components(quantity, dim))
@@ -46,8 +46,8 @@ class Probe:
         return [values[:, a, b] for a, b in pairs]
 
 
-def nearest_particle(comm, view, point):
-    """Return (n,) int: the particle of the View nearest to `point` on the rank that has it, empty elsewhere; ties go to the lowest id. Collective."""
+def nearest_point(comm, view, point):
+    """Return (n,) int: the particle or vertex of the View nearest to `point` on the rank that has it, empty elsewhere; ties go to the lowest id. Collective."""
     offset = view.places() - np.asarray(point)
     distance2 = np.einsum("nd,nd->n", offset, offset)
     best = int(np.argmin(distance2)) if len(distance2) else -1

@@ -2,6 +2,7 @@
 import numpy as np
 
 from pdhpc.kernels.bond_states import foremost_damaged
+from pdhpc.kernels.motion import first_not_finite
 from pdhpc.peridynamics.fields import field
 
 
@@ -10,8 +11,10 @@ class View:
 
     Attributes
     ----------
-    ids : (n,) int64. n, dim : int. volume : (n,), m^3. block : (n,) uint8.
+    ids : (n,) int64. n, dim : int. volume : (n,), m^3. block : (n,) uint8. carrier : what a point is called. cells : of a mesh; particles have none.
     """
+
+    carrier, cells = "particle", None
 
     def __init__(self, subdomain, law):
         self._subdomain, self._law = subdomain, law
@@ -39,6 +42,12 @@ class View:
     def field(self, name):
         """Return the field `name` (peridynamics/fields.py) of all particles. Local."""
         return field(name, self._subdomain, self._law)
+
+    def first_not_finite(self):
+        """Return (id, place) of the first particle whose displacement is NaN or infinite, None without any. Local."""
+        particles = self._subdomain.particles
+        row = int(first_not_finite(particles.displacement, particles.slots))
+        return None if row < 0 else (int(particles.id[row]), tuple(float(x) for x in self.places(row)[0]))
 
     def foremost(self, members, ahead, threshold):
         """Return the m whose members[m] has a grown damage above `threshold` with the largest ahead[m]; -1 if none. Local."""

@@ -14,8 +14,10 @@ from pdhpc.peridynamics.critical_step import stable_step
 from pdhpc.peridynamics.internal_forces import InternalForces
 from pdhpc.peridynamics.view import View
 from pdhpc.scene.body import calibration_of, make_body, radius_of, select
-from pdhpc.scene.build import build, choose_step, make_gauges
+from pdhpc.scene.build import build
+from pdhpc.scene.gauges import make_gauges
 from pdhpc.scene.regions import finite_margin, ratio_for, split_of
+from pdhpc.scene.steps import choose_step
 from pdhpc.warm_up import NoGhosts, block
 
 _BYTES_PER_SLOT = 12.125  # neighbour, inverse length, bond state

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from pdhpc.observers.probes import Probe, components, nearest_particle
+from pdhpc.observers.probes import Probe, components, nearest_point
 from pdhpc.study.verify.case import plate, problem_of
 from pdhpc.warm_up import PATHS
 
@@ -23,7 +23,7 @@ def test_means_and_points(path, comm):
     assert Probe(comm, "p", "displacement", right, 2).read(stepper) == pytest.approx([0.1 * 1.5, 0.0])
     assert Probe(comm, "p", "strain", right, 2).read(stepper) == pytest.approx([0.1, -0.2, 0.0])
     assert Probe(comm, "p", "strain", right, 2).columns == ("p.strain_xx [1]", "p.strain_yy [1]", "p.strain_xy [1]")
-    near = nearest_particle(comm, stepper.view, [2.4, 1.6])
+    near = nearest_point(comm, stepper.view, [2.4, 1.6])
     assert x[near].tolist() == [[2.5, 1.5]]
 
 

@@ -3,7 +3,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pdhpc.scene.build import build, choose_step, make_gauges
+from pdhpc.scene.build import build
+from pdhpc.scene.gauges import make_gauges
 from pdhpc.scene.read import parse_scene, read_scene
 from pdhpc.scene.schema import SceneError
 from pdhpc.study.verify.case import plate, problem_of
@@ -22,33 +23,6 @@ def test_a_hole_removes_particles(path):
     assert np.linalg.norm(subdomain.places(), axis=1).min() > 3.0 and 150 < subdomain.particles.n_owned < 200
 
 
-@pytest.mark.parametrize("depth", [1, 3])
-@pytest.mark.parametrize("path", PATHS)
-def test_traction_gives_the_force_of_its_face(depth, path):
-    """A region of any depth: total force = traction x length x thickness."""
-    extra = region("top", [-10.0, 5.0 - depth], [10.0, 5.0]) + '[[load]]\ntype = "traction"\nregion = "top"\nface = "+y"\nvalue = [0.5, 2.0]\n'
-    problem = problem_of(plate((20, 10), extra=extra), [f"particles.path={path}"])
-    particles = problem.stepper().subdomain.particles
-    total = particles.owned(particles.force_density * particles.volume[:, None]).sum(axis=0)
-    assert total == pytest.approx([0.5 * 20, 2.0 * 20])
-
-
-@pytest.mark.parametrize("path", PATHS)
-def test_traction_on_the_face_of_a_cube(path):
-    extra = '[[region]]\nname = "r"\nshape = "half_space"\npoint = [2.0, 0.0, 0.0]\nnormal = [1.0, 0.0, 0.0]\n[[load]]\ntype = "traction"\nregion = "r"\nface = "+x"\nvalue = [3.0, 0.0, 0.0]\n'
-    problem = problem_of(plate((8, 6, 5), extra=extra, dimension="3d"), [f"particles.path={path}"])
-    particles = problem.stepper().subdomain.particles
-    assert particles.owned(particles.force_density).sum(axis=0) == pytest.approx([3.0 * 6 * 5, 0.0, 0.0])
-
-
-@pytest.mark.parametrize("path", PATHS)
-def test_gravity_and_force_density(path):
-    extra = '[[load]]\ntype = "gravity"\nvalue = [0.0, -9.81]\n[[load]]\ntype = "force_density"\nregion = "all"\nvalue = [1.5, 0.0]\n'
-    problem = problem_of(plate((6, 4), extra=extra).replace("density = 1.0\n", "density = 2.0\n"), [f"particles.path={path}"])
-    particles = problem.stepper().subdomain.particles
-    assert np.allclose(particles.owned(particles.force_density), [1.5, -2.0 * 9.81])
-
-
 @pytest.mark.parametrize("path", PATHS)
 def test_no_fail_regions_hold_whatever_happens(path):
     extra = region("held", [-10.0, -5.0], [0.0, 5.0]) + '[damage]\nno_fail = ["held"]\n[[initial]]\ndisplacement_gradient = [[0.5, 0.0], [0.0, 0.5]]\n'
@@ -56,24 +30,6 @@ def test_no_fail_regions_hold_whatever_happens(path):
     stepper = problem.stepper()
     x, damage = stepper.subdomain.places()[:, 0], stepper.subdomain.bonds.damage()
     assert stepper.broken > 0 and np.all(damage[x < 0] == 0.0) and np.all(damage[x > 4] == 1.0)
-
-
-@pytest.mark.parametrize("path", PATHS)
-def test_regions_can_be_tied_to_a_body(path):
-    second = '[[body]]\nname = "right"\nmaterial = "solid"\nshape = "box"\nlower = [5.0, -5.0]\nupper = [9.0, 5.0]\n'
-    extra = second + region("part", [0.0, -5.0], [9.0, 5.0]) + 'body = "right"\n[[load]]\ntype = "force_density"\nregion = "part"\nvalue = [1.0, 0.0]\n'
-    problem = problem_of(plate((10, 10), extra=extra), [f"particles.path={path}"])
-    particles = problem.stepper().subdomain.particles
-    assert np.array_equal(particles.owned(particles.force_density)[:, 0] > 0.5, problem.subdomain.places()[:, 0] > 5.0)
-
-
-@pytest.mark.parametrize("path", PATHS)
-def test_initial_states_add_up(path):
-    extra = '[[initial]]\nvelocity = [1.0, 2.0]\n[[initial]]\nvelocity_gradient = [[0.0, 3.0], [0.0, 0.0]]\norigin = [0.0, 1.0]\ndisplacement = [0.1, 0.0]\n'
-    subdomain = problem_of(plate((4, 4), extra=extra), [f"particles.path={path}"]).subdomain
-    particles, x = subdomain.particles, subdomain.places()
-    assert np.allclose(particles.owned(particles.velocity), np.stack([1.0 + 3.0 * (x[:, 1] - 1.0), np.full(16, 2.0)], axis=1))
-    assert np.allclose(particles.owned(particles.displacement), [0.1, 0.0])
 
 
 @pytest.mark.parametrize("extra, words", [
@@ -140,17 +96,6 @@ def test_scenes_of_every_key_take_a_step_on_either_path(name, path, comm):
     stepper.advance()
     particles = problem.subdomain.particles
     assert np.all(np.isfinite(particles.owned(particles.displacement))) and np.any(particles.owned(particles.displacement) != 0.0)
-
-
-def test_steps():
-    scene = parse_scene(plate(), "t")
-    dt, steps, warnings = choose_step(scene, 0.1)
-    assert steps == 12 and dt == pytest.approx(1 / 12) and not warnings  # 1 / (0.9 x 0.1) = 11.1
-    assert choose_step(parse_scene(plate(), "t", ["time.dt=0.08"]), 0.1)[:2] == (0.08, 13)
-    assert choose_step(parse_scene(plate(), "t", ["time.dt=0.25"]), 0.3)[:2] == (0.25, 4)
-    with pytest.raises(SceneError, match="time.dt = 0.2 s; allowed is .*0.1 s"):
-        choose_step(parse_scene(plate(), "t", ["time.dt=0.2"]), 0.1)
-    assert "above the critical step" in choose_step(parse_scene(plate(), "t", ["time.dt=0.2", "time.allow_unstable=true"]), 0.1)[2][0]
 
 
 def test_one_particle_and_no_bond(comm):

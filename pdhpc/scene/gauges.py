@@ -1,0 +1,20 @@
+"""Scene -> what history.csv records: energies, probes and crack tips."""
+from pdhpc.observers.crack_tip import CrackTip
+from pdhpc.observers.energies import Energies
+from pdhpc.observers.probes import Probe, nearest_point
+
+
+def make_gauges(problem, view, comm):
+    """Return (energies, probes, tips) of a problem, seen as the stepper's `view`: what history.csv records. Collective."""
+    scene, probes = problem.scene, []
+    for probe in scene.probe:
+        if probe.point is not None:
+            members = nearest_point(comm, view, probe.point)
+        else:
+            members = problem.members(view, comm, probe.region, f"probe '{probe.name}': region")
+        probes.append(Probe(comm, probe.name, probe.quantity, members, scene.dim))
+    tips = []
+    for tip in scene.tip:
+        members = problem.members(view, comm, tip.region, f"tip '{tip.name}': region")
+        tips.append(CrackTip(comm, tip, members, view, problem.dt))
+    return Energies(comm), probes, tips

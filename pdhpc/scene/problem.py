@@ -1,0 +1,112 @@
+"""What one rank needs to run a scene of particles, and what it says of itself in run.json."""
+from dataclasses import dataclass
+from typing import Callable, List, Optional
+
+import numpy as np
+
+from pdhpc.observers.coupling import Coupling, CouplingGuard
+from pdhpc.parallel.comm import largest
+from pdhpc.scene.body import Body, select
+from pdhpc.scene.parts import Part
+from pdhpc.scene.regions import Regions
+
+
+@dataclass
+class Problem:
+    """Everything one rank needs to run a scene.
+
+    parts : the body, or its coarse and its fine region. dt : s, of the body, or of the coarse region: the macro step. critical_dt : s, of the body, or the
+    smaller one of the regions'. make_stepper : function dt -> what advances. regions : with a fine region. m : steps of the fine region in one of these; 1 without one.
+    """
+
+    scene: object
+    body: Body
+    parts: List[Part]
+    critical_dt: float
+    dt: float
+    m: int
+    n_steps: int
+    warnings: List[str]
+    make_stepper: Callable
+    regions: Optional[Regions] = None
+
+    @property
+    def subdomain(self):
+        """Subdomain of the first part."""
+        return self.parts[0].subdomain
+
+    @property
+    def exchange(self):
+        """GhostExchange of the first part."""
+        return self.parts[0].exchange
+
+    @property
+    def conditions(self):
+        """Conditions of the first part."""
+        return self.parts[0].conditions
+
+    def stepper(self):
+        """Return what advances this problem from t = 0: a VelocityVerlet or a stepper of mts/. Collective."""
+        return self.make_stepper(self.dt)
+
+    def members(self, view, comm, name, key):
+        """Return the particles of a view in a region as indices; `key` names the region in an error. Collective."""
+        members = np.flatnonzero(select(self.scene, name, view.places(), self.body.number_of(view.ids)))
+        if comm.allreduce(len(members)) == 0:
+            raise self.scene.error(key, f'"{name}", which selects no particle', "a region that holds at least one")
+        return members
+
+    def sizes(self, stepper, comm):
+        """Return what run.json says of the body. Collective."""
+        view = stepper.view
+        n_particles, n_bonds = (int(number) for number in comm.allreduce(np.array([view.n, view.directed_bonds()])))
+        return {
+            "particles": n_particles,
+            "bonds": n_bonds // 2,
+            "path": self.body.path,
+            "neighbours_largest": int(largest(comm, max(int(part.subdomain.bonds.family_size.max(initial=0)) for part in self.parts))),
+        }
+
+    def work(self, stepper, comm, seconds):
+        """Return what run.json says of the work done in `seconds` of stepping, the mean over ranks. Collective."""
+        per_rank = [sum(steps * part.subdomain.bonds.n_directed for steps, part in zip((1, self.m), self.parts)),
+                    sum(part.subdomain.particles.n_ghost for part in self.parts), sum(part.exchange.sent for part in self.parts)]
+        per_rank = np.array(comm.allgather(per_rank))
+        evaluations = sum(int(comm.allreduce(count)) for count in stepper.bond_evaluations.values())
+        n_particles = comm.allreduce(stepper.view.n)
+        return {
+            "bond_evaluations": evaluations,
+            "particle_steps_per_second_and_core": n_particles * stepper.step / (seconds * comm.size) if seconds > 0 else None,
+            "ghosts": int(per_rank[:, 1].sum()),
+            "sent_per_step": int(per_rank[:, 2].sum()),
+            "bytes_sent_per_step": int(comm.allreduce(stepper.bytes_sent)),
+            "bond_imbalance": float(per_rank[:, 0].max() / max(per_rank[:, 0].mean(), 1)),
+        }
+
+    def coupling(self, stepper, comm):
+        """Return the gauge of what couples the regions, or None. Collective."""
+        return Coupling(comm, stepper) if hasattr(stepper, "operator") else None
+
+    def guards(self, stepper, comm, steps):
+        """Return the observers that stop a run whose coupling fails, at `steps` and in between. Local."""
+        return [CouplingGuard(comm, steps)] if hasattr(stepper, "operator") else []
+
+    def coupled(self, stepper, comm, coupling):
+        """Return what run.json says of the regions and their coupling (the gauge that `coupling` returned); None without. Collective."""
+        if coupling is None:
+            return None
+        evaluations, regions = {name: int(comm.allreduce(count)) for name, count in stepper.bond_evaluations.items()}, {}
+        for name, part, steps in zip(("coarse", "fine"), self.parts, (1, self.m)):
+            owned, bonds = comm.allreduce(np.array([part.subdomain.particles.n_owned, part.subdomain.bonds.n_directed]))
+            ranks = int(comm.allreduce(int(part.subdomain.particles.n_owned > 0)))
+            regions[name] = {"particles": int(owned), "directed_bonds": int(bonds), "dt": self.dt / steps, "critical_dt": part.critical_dt_of(comm), "ranks": ranks,
+                             "bond_evaluations": evaluations[name]}
+        return {
+            "step_ratio": self.m,
+            "interface": stepper.operator.name,
+            "overlap_particles": int(comm.allreduce(len(stepper.interface.fine.slots))),
+            "regions": regions,
+            "bond_evaluations_interface": evaluations["interface"],
+            "conserved_quantity_change": coupling.relative_change(),
+            **{name: value for name, value in coupling.latest.items() if not name.startswith("bond_evaluations")},
+        }
