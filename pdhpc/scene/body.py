@@ -45,7 +45,7 @@ def make_body(scene):
         lattices.append(LatticeBody(make_shape(body), setting.spacing, first_id, holes))
         first_id = lattices[-1].last_id
     materials = [_make_material(table) for table in scene.material]
-    failing = (True, False) if scene.damage.no_fail else (True,)
+    failing = (True, False) if scene.damage.no_fail or scene.model == "gfem" else (True,)
     blocks = {(number, may_fail): None for number in range(len(materials)) for may_fail in failing}
     blocks = {key: block for block, key in enumerate(blocks)}
     thickness = scene.thickness
