@@ -201,7 +201,10 @@ def test_every_point_is_found_exactly_once(comm, kind, tmp_path_factory):
 @pytest.mark.mpi(min_size=2)
 def test_partition_weighs_cells(comm):
     """The left quarter of the box has three times the work of the rest of it: weights 9 and 1."""
-    weight = lambda centres: np.where(centres[:, 0] < 0.5, 9, 1)
+
+    def weight(centres):
+        return np.where(centres[:, 0] < 0.5, 9, 1)
+
     partition = cell_partition(comm, [0.0, 0.0], [2.0, 1.0], (80, 40), weight)
     mesh = make_box_mesh(comm, [0.0, 0.0], [2.0, 1.0], (80, 40), partition)
     work = comm.allgather(int(weight(mesh.points[mesh.cells[: mesh.n_owned_cells]].mean(axis=1)).sum()))
