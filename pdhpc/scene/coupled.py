@@ -12,10 +12,9 @@ from pdhpc.gfem.lattice_material import LatticeMaterial
 from pdhpc.gfem.loads import ParticleLoad
 from pdhpc.gfem.local_particles import LocalParticles
 from pdhpc.gfem.mesh_solution import MeshSolution
-from pdhpc.gfem.patch_mass import PatchMass
 from pdhpc.gfem.patches import Patches
-from pdhpc.gfem.pinned import Pinned
 from pdhpc.gfem.points import CellLattice
+from pdhpc.gfem.schemes import make_scheme
 from pdhpc.gfem.stable_step import lumped_step
 from pdhpc.observers.enrichment import Enrichment, EnrichmentGuard
 from pdhpc.parallel.comm import largest
@@ -135,7 +134,7 @@ class CoupledParts:
     def stepper(self, dt, k):
         """Return the CoupledStep of global steps dt, s, with k sub-steps. Collective."""
         setting, mesh = self.scene.gfem, self.mesh
-        scheme = Pinned(self.solution, self.local, PatchMass(self.comm, mesh, self.material), dt, k)
+        scheme = make_scheme(setting.scheme, self.solution, self.local, (dt, k), setting.tolerance)
         stepper = CoupledStep(self.comm, self.patches, self.local, self.solution, scheme, ACTIVATION if setting.activation is None else setting.activation)
         self.patches.add(np.ones(mesh.n_owned_cells, bool) if setting.everywhere else self._cracked())
         stepper.follow()
