@@ -1,11 +1,12 @@
 """The schemes of a coupled step by name."""
 from pdhpc.gfem.enrichment import EnrichedSpace
 from pdhpc.gfem.galerkin import Galerkin
+from pdhpc.gfem.instant import Instant
 from pdhpc.gfem.patch_mass import PatchMass
 from pdhpc.gfem.pinned import Pinned
 
 TOLERANCE = 0.02  # of the patch residual
-_ENRICHED = {scheme.name: scheme for scheme in (Galerkin,)}
+_ENRICHED = {scheme.name: scheme for scheme in (Galerkin, Instant)}
 NAMES = (Pinned.name, *_ENRICHED)
 
 
