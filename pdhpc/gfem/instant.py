@@ -102,16 +102,24 @@ class Instant(Galerkin):
 
     def _critical_step(self):
         """Return the critical step in the present space, s. Collective."""
-        solution, mesh, n = self.solution, self.solution.mesh, self.solution.mesh.n_owned
-        kept, points = solution.displacement.copy(), self.local.points
-        masses = np.zeros((len(mesh.points), 1))
-        masses[:n, 0] = solution.outside_mass[:n]
+        solution, mesh, points = self.solution, self.solution.mesh, self.local.points
+        kept, masses = solution.displacement.copy(), self._masses()
         number = np.arange(len(points.mass)) - np.repeat(points.start[:-1] - 1000 * mesh.cell_id[points.cell], np.diff(points.start))
-        mass = points.mass[:, None]
-        first = self.mass.solve(_noise(mesh.vertex_id, mesh.dim) * masses, _noise(number, mesh.dim) * mass)
-        step = enriched_step(mesh.comm, [first.nodes, first.field], self._respond, [masses, mass])
+        start = self.mass.solve(_noise(mesh.vertex_id, mesh.dim) * masses[0], _noise(number, mesh.dim) * masses[1])
+        step = enriched_step(mesh.comm, self._trial(start), self._respond, masses)
         solution.displacement[...] = kept
         return step
+
+    def _masses(self):
+        """Return [masses of owned vertices, of points], (n, 1) each, kg. Local."""
+        mesh, n = self.solution.mesh, self.solution.mesh.n_owned
+        masses = np.zeros((len(mesh.points), 1))
+        masses[:n, 0] = self.solution.outside_mass[:n]
+        return [masses, self.local.points.mass[:, None]]
+
+    def _trial(self, found):
+        """Return what of a Solution makes its forces. Local."""
+        return [found.nodes, found.field]
 
     def _respond(self, u):
         """Return M^-1 K u of a displacement u = [at vertices, at points]. Collective."""
@@ -119,8 +127,7 @@ class Instant(Galerkin):
         self.state.put(u[1], None)
         self._add_forces(None, -1.0)
         self.solution.gather_right()
-        found = self.mass.solve(self.solution.right, self.state.momentum)
-        return [found.nodes, found.field]
+        return self._trial(self.mass.solve(self.solution.right, self.state.momentum))
 
 
 def _noise(numbers, dim):

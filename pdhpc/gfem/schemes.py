@@ -2,11 +2,12 @@
 from pdhpc.gfem.enrichment import EnrichedSpace
 from pdhpc.gfem.galerkin import Galerkin
 from pdhpc.gfem.instant import Instant
+from pdhpc.gfem.literal import Literal
 from pdhpc.gfem.patch_mass import PatchMass
 from pdhpc.gfem.pinned import Pinned
 
 TOLERANCE = 0.02  # of the patch residual
-_ENRICHED = {scheme.name: scheme for scheme in (Galerkin, Instant)}
+_ENRICHED = {scheme.name: scheme for scheme in (Galerkin, Instant, Literal)}
 NAMES = (Pinned.name, *_ENRICHED)
 
 
