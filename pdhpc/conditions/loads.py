@@ -33,10 +33,11 @@ class PrescribedMotion:
     """Displacement or velocity of chosen components, given as `value` f(t), of some particles."""
 
     def __init__(self, indices, components, value, time_function, quantity):
-        """indices (n,) int32, slots of owned particles; components (c,) int; value (c,), m or m/s; quantity "displacement" or "velocity"."""
+        """indices (n,) int32, slots of owned particles; components (c,) int; value (c,) or (n, c), m or m/s; quantity "displacement" or "velocity"."""
         self.indices = np.ascontiguousarray(indices, dtype=np.int32)
         self.components = np.ascontiguousarray(components, dtype=np.int64)
-        self.value = np.ascontiguousarray(value, dtype=float)
+        value = np.asarray(value, dtype=float)
+        self.value = np.ascontiguousarray(value if value.ndim == 2 else value[None])  # one row serves all particles, or each has its own
         self.time_function = time_function
         self.displaces = quantity == "displacement"
         self.work = np.zeros(len(self.indices))  # J/m^3, of the forces that hold the particles, without their kinetic energy
@@ -44,7 +45,7 @@ class PrescribedMotion:
         self._target = np.empty_like(self.value)
 
     def velocity_at(self, t):
-        """Return the prescribed velocity of each component at time t, m/s."""
+        """Return (1 or n, c) prescribed velocities of the components at time t, m/s."""
         scale = self.time_function.rate(t) if self.displaces else self.time_function.value(t)
         return self.value * scale
 
@@ -89,14 +90,15 @@ def _steer(displacement, velocity, indices, components, target, dt, absolute):
         i = indices[n]
         for c in range(len(components)):
             d = components[c]
-            velocity[i, d] = (target[c] - displacement[i, d]) / dt if absolute else target[c] / dt
+            goal = target[n % len(target), c]
+            velocity[i, d] = (goal - displacement[i, d]) / dt if absolute else goal / dt
 
 
 @kernel
 def _settle(velocity, indices, components, value):
     for n in range(len(indices)):
         for c in range(len(components)):
-            velocity[indices[n], components[c]] = value[c]
+            velocity[indices[n], components[c]] = value[n % len(value), c]
 
 
 @kernel

@@ -1,4 +1,6 @@
 """Bases of a cell: which functions it carries at each corner, and where to integrate their products."""
+import numpy as np
+
 from pdhpc.fem.elements import ELEMENTS
 
 
@@ -23,6 +25,10 @@ class Hats:
         """Return their gradients (n, corners, dim) by reference coordinates."""
         return self.element.gradient(xi)
 
+    def linear(self, mesh, gradient, shift):
+        """Return the unknowns (n_vertices, dim), m, of u = G x + s; gradient (dim, dim), shift (dim,), m. Local."""
+        return mesh.points @ np.asarray(gradient, float).T + shift
+
     def facet_quadrature(self):
         """Return (points (n, dim - 1), weights) on a facet. Local."""
         return ELEMENTS[self.element.facet].gauss
@@ -30,3 +36,14 @@ class Hats:
     def fine_quadrature(self):
         """Return (points, weights) for what is no polynomial, such as a difference to a known solution. Local."""
         return self.element.quadrature(4)
+
+
+def rigid_motions(basis, mesh):
+    """Return the unknowns (n_vertices, width, 3 or 6) of the rigid motions: along the axes, and around them. Local."""
+    dim, axes = mesh.dim, np.eye(mesh.dim)
+    motions = [basis.linear(mesh, np.zeros((dim, dim)), axis) for axis in axes]
+    for a in range(dim):
+        for b in range(a):
+            turn = np.outer(axes[a], axes[b]) - np.outer(axes[b], axes[a])
+            motions.append(basis.linear(mesh, turn, np.zeros(dim)))
+    return np.stack(motions, axis=-1)

@@ -91,7 +91,8 @@ class Elasticity:
         """
         points, cells, kind, index = self._checked_shapes()
         xi, weights = self.basis.quadrature
-        matrices = np.empty((len(cells), element_size := self.basis.element.corners * self.width, element_size))
+        size = self.basis.element.corners * self.width
+        matrices = np.empty((len(cells), size, size))
         loops.stiffnesses(points, cells, self.basis.element.gradient(xi), self.basis.gradient(xi), self.thickness * weights, self.tensors, kind, matrices)
         return CellMatrices.of(0.5 * (matrices + matrices.transpose(0, 2, 1)), index)
 
@@ -104,12 +105,16 @@ class Elasticity:
             full[:, :, axis, :, axis] = scalar
         return CellMatrices.of(full.reshape(len(scalar), n * self.mesh.dim, -1), index)
 
+    def lumped_rows(self):
+        """Return (rows (n, n_basis), kg, index (n_cells,)): the row sums of the cells' mass matrices. Local."""
+        scalar, index = self._scalar_mass()
+        return scalar.sum(axis=2), index
+
     def lumped_mass(self, stars):
         """Return (n_owned,), kg: the row sums of the mass matrix at owned vertices, summed over cells in ascending id. Local."""
-        scalar, index = self._scalar_mass()
-        rows = scalar.sum(axis=2)[index]
+        rows, index = self.lumped_rows()
         result = np.zeros((self.mesh.n_owned, 1))
-        loops.gather(*stars, np.ascontiguousarray(rows), np.arange(self.mesh.n_owned, dtype=np.int32), 1.0, result)
+        loops.gather(*stars, rows[index], np.arange(self.mesh.n_owned, dtype=np.int32), 1.0, result)
         return result[:, 0]
 
     def _scalar_mass(self):

@@ -1,9 +1,7 @@
-"""Reference elements with linear shape functions: lines, quads, hexahedra on [0, 1]^dim; triangles and tetrahedra on the unit simplex. Corners in VTK's order."""
+"""Reference elements with linear shape functions: lines, quads, hexahedra on [0, 1]^dim; triangles and tetrahedra on the unit simplex."""
 import numpy as np
 
-_LINE = [[0], [1]]
-_QUAD = [[0, 0], [1, 0], [1, 1], [0, 1]]
-_HEXAHEDRON = [[x, y, z] for z in (0, 1) for x, y in _QUAD]
+from pdhpc.fem.facets import FACETS, UNIT_CORNERS
 
 
 class Element:
@@ -12,8 +10,7 @@ class Element:
     Attributes
     ----------
     kind : its name in ELEMENTS. dim : 1, 2 or 3. corners : their number. places (corners, dim) : reference coordinates of the corners.
-    facets (n_facets, facet corners) : corners of each facet, so ordered that normals by the right-hand rule point outward (2D: the outward normal is on the right of
-    an edge). facet : kind of a facet. gauss : (points (n, dim), weights (n,)) that integrate stiffness and mass, exactly where the map from the reference is linear.
+    facets (n_facets, facet corners) : corners of each facet, outward as in facets.FACETS. facet : kind of a facet. gauss : (points (n, dim), weights (n,)) that integrate stiffness and mass, exactly where the map from the reference is linear.
     """
 
     def __init__(self, kind, places, facets, facet):
@@ -72,12 +69,9 @@ def _tetra_gauss():
 
 _SIMPLEX_GAUSS = {2: (np.array([[1, 1], [4, 1], [1, 4]]) / 6, np.full(3, 1 / 6)), 3: _tetra_gauss()}  # degree 2
 
+_FACET_KIND = {"quad": "line", "triangle": "line", "hexahedron": "quad", "tetra": "triangle"}
+
 ELEMENTS = {
-    "line": Element("line", _LINE, [[0], [1]], None),
-    "quad": Element("quad", _QUAD, [[0, 1], [1, 2], [2, 3], [3, 0]], "line"),
-    "triangle": Element("triangle", [[0, 0], [1, 0], [0, 1]], [[0, 1], [1, 2], [2, 0]], "line"),
-    "hexahedron": Element(
-        "hexahedron", _HEXAHEDRON, [[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]], "quad"
-    ),
-    "tetra": Element("tetra", [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]], "triangle"),
+    "line": Element("line", [[0], [1]], [[0], [1]], None),
+    **{kind: Element(kind, UNIT_CORNERS[kind], FACETS[kind], facet) for kind, facet in _FACET_KIND.items()},
 }

@@ -21,13 +21,14 @@ class Nodes:
     Attributes
     ----------
     mesh : Mesh. dim : int. n_owned : int. slots (n_vertices,) int32 : where each local vertex lies. n_slots : a multiple of 8.
-    displacement, velocity, force (n_slots, dim), m, m/s, N : views of component by component storage. mass (n_slots,), kg, lumped; 0 at ghosts and where no vertex is.
+    width : unknowns per vertex, dim with hats.
+    displacement, velocity, force (n_slots, width), m, m/s, N : views of component by component storage. mass (n_slots,), kg, lumped; 0 at ghosts and where no vertex is.
     exchange : GhostExchange of slots. stride (dim,) int64 : slots from a vertex to the next along each axis of a grid, else None.
     """
 
-    def __init__(self, mesh, grid=None):
-        """grid : whether slots are a grid (default: on boxes). Collective over the mesh's ranks."""
-        self.mesh, self.dim, self.n_owned = mesh, mesh.dim, mesh.n_owned
+    def __init__(self, mesh, grid=None, width=None):
+        """grid : whether slots are a grid (default: on boxes). width : unknowns per vertex (default: dim). Collective over the mesh's ranks."""
+        self.mesh, self.dim, self.n_owned, self.width = mesh, mesh.dim, mesh.n_owned, mesh.dim if width is None else width
         grid = mesh.cell_size is not None if grid is None else grid
         if grid:
             self.slots, self.n_slots, self.stride = _grid_of(mesh)
@@ -43,12 +44,16 @@ class Nodes:
 
     def new_field(self, width=None):
         """Return zeros (n_slots, width), a view of component by component storage. Local."""
-        return np.zeros((self.dim if width is None else width, self.n_slots)).T
+        return np.zeros((self.width if width is None else width, self.n_slots)).T
 
     @property
     def owned_slots(self):
         """(n_owned,) int32, slots of the owned vertices in ascending id."""
         return self.slots[: self.n_owned]
+
+    def set_mass(self, mass):
+        """Take the lumped masses (n_owned,), kg, of the owned vertices. Local."""
+        self.put(self.mass, mass)
 
     def owned(self, field):
         """Return the rows of a field by slot that belong to owned vertices, in ascending id: a copy. Local."""

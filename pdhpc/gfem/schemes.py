@@ -6,18 +6,17 @@ from pdhpc.gfem.literal import Literal
 from pdhpc.gfem.patch_mass import PatchMass
 from pdhpc.gfem.pinned import Pinned
 
-TOLERANCE = 0.02  # of the patch residual
 _ENRICHED = {scheme.name: scheme for scheme in (Galerkin, Instant, Literal)}
 NAMES = (Pinned.name, *_ENRICHED)
 
 
-def make_scheme(name, solution, local, steps, tolerance=None):
+def make_scheme(name, solution, local, steps, tolerance, refuses=True):
     """Return the scheme of a name. Collective.
 
     Parameters
     ----------
     solution : MeshSolution. local : LocalParticles. steps : (dt, k), dt, s, of k sub-steps.
-    tolerance : None or the relative patch residual above which a component is enriched (default 0.02); not of "pinned".
+    tolerance : relative patch residual above which a component is enriched; "pinned" has none. refuses : whether a comparator fails above its critical step.
 
     Raises
     ------
@@ -28,4 +27,6 @@ def make_scheme(name, solution, local, steps, tolerance=None):
         return Pinned(solution, local, PatchMass(solution.mesh.comm, solution.mesh, solution.material), dt, k)
     if name not in _ENRICHED:
         raise ValueError(f'gfem.scheme = "{name}"; allowed is {", ".join(NAMES)}')
-    return _ENRICHED[name](solution, local, EnrichedSpace(solution.mesh), dt, k, TOLERANCE if tolerance is None else tolerance)
+    scheme = _ENRICHED[name](solution, local, EnrichedSpace(solution.mesh), dt, k, tolerance)
+    scheme.refuses = refuses
+    return scheme

@@ -191,3 +191,91 @@ def stars(cells, order, n_owned, start, cell, corner):
             if v < n_owned:
                 cell[filled[v]], corner[filled[v]] = c, k
                 filled[v] += 1
+
+
+@kernel
+def count_columns(cells, start, cell, n_vertices, row_start):
+    """Store in row_start (n_owned + 1,) where the rows of a matrix begin that has a column for every vertex of the cells around each owned one."""
+    last = np.full(n_vertices, -1, np.int64)
+    for v in range(len(start) - 1):
+        count = 0
+        for k in range(start[v], start[v + 1]):
+            for corner in range(cells.shape[1]):
+                other = cells[cell[k], corner]
+                if last[other] != v:
+                    last[other] = v
+                    count += 1
+        row_start[v + 1] = row_start[v] + count
+
+
+@kernel
+def list_columns(cells, start, cell, vertex_id, row_start, column):
+    """Store those columns in column (n,), local vertices by ascending id."""
+    last = np.full(len(vertex_id), -1, np.int64)
+    for v in range(len(start) - 1):
+        end = row_start[v]
+        for k in range(start[v], start[v + 1]):
+            for corner in range(cells.shape[1]):
+                other = cells[cell[k], corner]
+                if last[other] == v:
+                    continue
+                last[other] = v
+                place = end
+                while place > row_start[v] and vertex_id[column[place - 1]] > vertex_id[other]:
+                    column[place] = column[place - 1]
+                    place -= 1
+                column[place] = other
+                end += 1
+
+
+@kernel
+def add_matrices(cells, star, index, table, factor, row_start, column, value):
+    """Add factor times the cells' matrices to blocks value (n, width, width), cells in ascending id; star: (start, cell, corner) of Stars."""
+    start, cell, corner = star
+    width, most = value.shape[1], 0
+    for v in range(len(start) - 1):
+        for k in range(row_start[v], row_start[v + 1]):
+            most = max(most, column[k] + 1)
+    place = np.empty(most, np.int64)
+    for v in range(len(start) - 1):
+        for k in range(row_start[v], row_start[v + 1]):
+            place[column[k]] = k
+        for k in range(start[v], start[v + 1]):
+            matrix, row = table[index[cell[k]]], np.int64(corner[k]) * width
+            for other in range(cells.shape[1]):
+                block = value[place[cells[cell[k], other]]]
+                for a in range(width):
+                    for b in range(width):
+                        block[a, b] += factor * matrix[row + a, other * width + b]
+
+
+@kernel
+def multiply_blocks(row_start, column, value, x, y):
+    """y = A x; x (n_vertices, width), y (n_owned, width)."""
+    width = value.shape[1]
+    for v in range(len(row_start) - 1):
+        for a in range(width):
+            total = 0.0
+            for k in range(row_start[v], row_start[v + 1]):
+                for b in range(width):
+                    total += value[k, a, b] * x[column[k], b]
+            y[v, a] = total
+
+
+@kernel
+def scalar_rows(row_start, column, value, fixed, number, start, columns, values):
+    """Write blocks as rows of numbers; entries of fixed rows and columns become 0, but for the diagonal.
+
+    fixed (n_vertices, width) bool; number (n_vertices,), the global block of each vertex; start (n_owned width + 1,), columns, values (n width^2,): the result.
+    """
+    width, place = value.shape[1], 0
+    for v in range(len(row_start) - 1):
+        for a in range(width):
+            for k in range(row_start[v], row_start[v + 1]):
+                j = column[k]
+                for b in range(width):
+                    diagonal = j == v and a == b
+                    columns[place] = number[j] * width + b
+                    values[place] = 0.0 if (fixed[v, a] or fixed[j, b]) and not diagonal else value[k, a, b]
+                    place += 1
+            start[v * width + a + 1] = place

@@ -149,6 +149,31 @@ def _place_row(rows, row, d, displacement, position, linear):
         i += 1
 
 
+@sweep
+def kick_by_mass(velocity, force, inverse_mass, dt):
+    """v += dt f / m of all slots; velocity, force (dim, n_slots), n_slots a multiple of 8; inverse_mass (n_slots,), 1/kg, 0 where nothing moves."""
+    for d in range(len(velocity)):
+        for i in range(0, len(inverse_mass), LANES):
+            store8(velocity[d], i, fma(dt * load8(inverse_mass, i), load8(force[d], i), load8(velocity[d], i)))
+
+
+@sweep
+def kick_drift_by_mass(velocity, force, inverse_mass, displacement, half, dt):
+    """`kick_by_mass` by `half` and u += dt v, in one pass."""
+    for d in range(len(velocity)):
+        for i in range(0, len(inverse_mass), LANES):
+            v = fma(half * load8(inverse_mass, i), load8(force[d], i), load8(velocity[d], i))
+            store8(velocity[d], i, v)
+            store8(displacement[d], i, fma(splat(dt), v, load8(displacement[d], i)))
+
+
+@sweep
+def drift_by_mass(displacement, velocity, dt):
+    """u += dt v of all slots; (dim, n_slots), n_slots a multiple of 8."""
+    for d in range(len(velocity)):
+        _add_scaled(displacement[d], dt, velocity[d], 0, velocity.shape[1])
+
+
 @kernel
 def first_not_finite(field, slots):
     """Return the first n whose particle slots[n] has a NaN or an infinity in field (n_slots, width), or -1."""

@@ -7,6 +7,7 @@ from pdhpc.kernels import overlap as loops
 from pdhpc.kernels import sweeps
 from pdhpc.kernels.shared import row_width_of
 from pdhpc.kernels.lattice import LatticeArrays
+from pdhpc.parallel.noise import noise
 
 
 class LinearForces:
@@ -71,14 +72,6 @@ def critical_step(subdomain, law, forces, allreduce, rounds=150):
         w = new / math.sqrt(sums[2])
     forces.w[particles.slots] = 0.0
     return 2.0 / math.sqrt(value) if value > 0.0 else math.inf
-
-
-def noise(ids, dim, seed=0):
-    """Return (n, dim) numbers in [-1, 1] that depend on the particles' ids alone."""
-    number = (np.asarray(ids, np.uint64)[:, None] * np.uint64(2 * dim) + np.arange(dim, dtype=np.uint64) + np.uint64(97 * seed + 1)) * np.uint64(0x9E3779B97F4A7C15)
-    number ^= number >> np.uint64(29)
-    number *= np.uint64(0xBF58476D1CE4E5B9)
-    return (number >> np.uint64(11)).astype(float) / 2.0**52 - 1.0
 
 
 class Strip:

@@ -14,7 +14,7 @@ class FieldOutput(Observer):
     def start(self, stepper):
         """Write the particles and the initial state. Collective."""
         view = stepper.view
-        self.writer.write_points(view.ids, view.places(), view.volume, view.block)
+        self.writer.write_points(view.ids, view.places(), view.volume, view.block, view.cells)
         self.observe(stepper)
 
     def observe(self, stepper):

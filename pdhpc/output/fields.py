@@ -1,6 +1,6 @@
-"""Fields of all particles over time: one HDF5 file per frame, a master file that links them, and XDMF for ParaView.
+"""Fields of all particles or vertices over time: one HDF5 file per frame, a master file that links them, and XDMF for ParaView.
 
-    DIR/fields/points.h5        id, position, volume, block, topology
+    DIR/fields/points.h5        id, position, volume, block; topology of particles, cells of a mesh
     DIR/fields/frame_000012.h5  one dataset per field, attributes step and time
     DIR/fields.h5               external links /points and /frames/000012, the resolved scene as attribute
     DIR/fields.xdmf             the same for ParaView and meshio
@@ -13,12 +13,34 @@ import json
 import os
 import warnings
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from pdhpc.output.record import OutputError, write_text
 from pdhpc.output.xdmf import xdmf_text
 from pdhpc.parallel.comm import on_root
+
+
+class Cells(NamedTuple):
+    """Cells of a mesh for output: kind ("quad", ...); corners (n, corners) int64, rows of the vertices in points.h5, in VTK order."""
+
+    kind: str
+    corners: np.ndarray
+
+
+class Rows(NamedTuple):
+    """This rank's rows of a dataset: the first, their number, and the number of all."""
+
+    first: int
+    count: int
+    total: int
+
+    @classmethod
+    def of(cls, comm, count):
+        """Return the Rows of a rank that has `count`. Collective."""
+        counts = comm.allgather(count)
+        return cls(sum(counts[: comm.rank]), count, sum(counts))
 
 
 class FieldWriter:
@@ -28,19 +50,22 @@ class FieldWriter:
         """header: dict with what every file carries: resolved scene, version, ranks."""
         self.comm, self.directory, self.header = comm, Path(directory), dict(header)
         self.frames = []  # (name, step, time, {field: components})
-        self._count = self._total = self._first = 0
+        self._points, self._cells, self._kind = Rows(0, 0, 0), Rows(0, 0, 0), None
         on_root(comm, _make_folder, self.directory / "fields")
 
-    def write_points(self, id, position, volume, block):
-        """Write the particles: id (n,) int64, position (n, dim) m, volume (n,) m^3, block (n,)."""
-        counts = self.comm.allgather(len(id))
-        self._count, self._total, self._first = len(id), sum(counts), sum(counts[: self.comm.rank])
-        topology = np.arange(self._first, self._first + self._count, dtype=np.int64)[:, None]
-        data = {"id": np.asarray(id, np.int64), "position": _wide(position), "volume": volume, "block": np.asarray(block, np.int32), "topology": topology}
-        self._write_file("points.h5", data, {"dim": position.shape[1]})
+    def write_points(self, id, position, volume, block, cells=None):
+        """Write the particles, or the vertices of a mesh: id (n,) int64, position (n, dim) m, volume (n,) m^3, block (n,); cells : Cells of a mesh."""
+        self._points = Rows.of(self.comm, len(id))
+        data = {"id": np.asarray(id, np.int64), "position": _wide(position), "volume": volume, "block": np.asarray(block, np.int32)}
+        if cells is None:
+            data["topology"] = np.arange(self._points.first, self._points.first + len(id), dtype=np.int64)[:, None]
+        else:
+            self._cells, self._kind = Rows.of(self.comm, len(cells.corners)), cells.kind
+            data["cells"] = np.ascontiguousarray(cells.corners, np.int64)
+        self._write_file("points.h5", data, {"dim": position.shape[1], "cell_kind": self._kind or ""})
 
     def write_frame(self, step, time, fields):
-        """Write one frame: fields {name: (n,), (n, dim) or (n, dim, dim) array} of the same particles in the same order as in write_points."""
+        """Write one frame: fields {name: (n,), (n, dim) or (n, dim, dim) array} of the same points in the same order as in write_points."""
         name = f"{step:06d}"
         data = {key: _wide(values) for key, values in fields.items()}
         self._write_file(f"frame_{name}.h5", data, {"step": step, "time": time})
@@ -67,7 +92,7 @@ class FieldWriter:
             with h5py.File(part, "w", driver="mpio", comm=self.comm) as file:
                 self._create(file, data, attributes)
                 for key, values in data.items():
-                    _write_rows(file[key], self._first, values)
+                    _write_rows(file[key], self._rows(key).first, values)
         except (OSError, RuntimeError, ValueError) as error:
             return _reason(error)
         return None
@@ -86,15 +111,19 @@ class FieldWriter:
                         if rank == 0:
                             self._create(file, data, attributes)
                         for key, values in data.items():
-                            file[key][self._first : self._first + self._count] = values
+                            rows = self._rows(key)
+                            file[key][rows.first : rows.first + rows.count] = values
                 except (OSError, RuntimeError, KeyError) as caught:
                     error = _reason(caught)
             self.comm.Barrier()
         return error
 
+    def _rows(self, key):
+        return self._cells if key == "cells" else self._points
+
     def _create(self, file, data, attributes):
         for key, values in data.items():
-            file.create_dataset(key, shape=(self._total,) + values.shape[1:], dtype=values.dtype)
+            file.create_dataset(key, shape=(self._rows(key).total,) + values.shape[1:], dtype=values.dtype)
         for key, value in attributes.items():
             file.attrs[key] = value
 
@@ -118,7 +147,7 @@ class FieldWriter:
             _publish(part, path)
         except (OSError, RuntimeError) as error:
             raise OutputError(f"{path}: cannot be written ({_reason(error)})") from error
-        write_text(self.directory / "fields.xdmf", xdmf_text(self.frames, self._total))
+        write_text(self.directory / "fields.xdmf", xdmf_text(self.frames, self._points.total, self._kind, self._cells.total))
 
 
 def _write_rows(dataset, first, values):
@@ -186,11 +215,11 @@ def _publish(part, path):
 
 
 def read_points(directory):
-    """Return {"id", "position" (n, dim), "volume", "block"} of a run's particles. Local."""
+    """Return {"id", "position" (n, dim), "volume", "block"} of a run's particles, and "cells" (m, corners) of a mesh. Local."""
     import h5py
 
     with h5py.File(Path(directory) / "fields" / "points.h5", "r") as file:
-        points = {key: file[key][:] for key in ("id", "position", "volume", "block")}
+        points = {key: file[key][:] for key in ("id", "position", "volume", "block", "cells") if key in file}
         points["position"] = points["position"][:, : int(file.attrs["dim"])]
     return points
 

@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from pdhpc.output.fields import frame_times
+from pdhpc.output.figure import INK, PAPER, dress, figure_of, length_unit, planes_of, rounded, save, time_text, title_of
 from pdhpc.output.history import read_history
+from pdhpc.output.mesh_picture import draw_mesh
 
 _CHUNK = 1 << 20
 _LONGEST_SIDE = 1600  # pixels
-_INK, _PAPER = "#1b1f24", "white"
 
 
 def draw(directory, curves=()):
@@ -25,10 +26,18 @@ def draw(directory, curves=()):
     matplotlib.use("Agg")
     directory, drawn = Path(directory), []
     if (directory / "fields.h5").exists() and frame_times(directory):
-        drawn += _draw_fields(directory)
+        drawn += draw_mesh(directory) if _has_cells(directory) else _draw_fields(directory)
     if (directory / "history.csv").exists():
         drawn += _draw_history(directory, curves)
     return drawn
+
+
+def _has_cells(directory):
+    """Whether a run's fields stand on a mesh."""
+    import h5py
+
+    with h5py.File(directory / "fields" / "points.h5", "r") as file:
+        return "cells" in file
 
 
 def _draw_fields(directory):
@@ -122,32 +131,16 @@ def _deformed_bounds(body, frame, axes, scale):
     return low - body.spacing, high + body.spacing
 
 
-def _planes(body):
-    return [(0, 1)] if body.dim == 2 else [(0, 1), (0, 2), (1, 2)]
-
-
-def _figure(body, planes):
-    """Return (figure, one axes per plane) in the body's proportions."""
-    import matplotlib.pyplot as plt
-
-    extents = [(body.upper[list(plane)] - body.lower[list(plane)] + body.spacing) for plane in planes]
-    width = 9.0
-    heights = [min(9.0, max(1.6, 0.80 * width * extent[1] / extent[0])) for extent in extents]
-    figure, axes = plt.subplots(len(planes), 1, figsize=(width, sum(heights) + 1.0 * len(planes)), gridspec_kw={"height_ratios": heights}, squeeze=False,
-                                facecolor=_PAPER, constrained_layout=True)
-    return figure, axes[:, 0]
-
-
 def _draw_damage(directory, body, frame):
     """Draw the damage grown in the run, the pre-crack on top of it."""
     import matplotlib
     from matplotlib.colors import LinearSegmentedColormap
 
     colours = LinearSegmentedColormap.from_list("crack", ["#e9edf0", "#c3d3dc", "#7fa3b8", "#f2b134", "#d9480f", "#7a0c0c"])
-    colours.set_bad(_PAPER, 0.0)
-    planes = _planes(body)
-    figure, all_axes = _figure(body, planes)
-    unit, factor = _length_unit(body)
+    colours.set_bad(PAPER, 0.0)
+    planes = planes_of(body)
+    figure, all_axes = figure_of(body, planes)
+    unit, factor = length_unit(body)
     for axes, plane in zip(all_axes, planes):
         image, extent = _raster(body, frame, "damage", plane)
         extent = [factor * x for x in extent]
@@ -155,54 +148,48 @@ def _draw_damage(directory, body, frame):
         if "precrack" in frame.names:
             cut, _ = _raster(body, frame, "precrack", plane)
             overlay = np.zeros(cut.shape + (4,))
-            overlay[np.nan_to_num(cut) > 0.25] = matplotlib.colors.to_rgba(_INK)
+            overlay[np.nan_to_num(cut) > 0.25] = matplotlib.colors.to_rgba(INK)
             axes.imshow(overlay, origin="lower", extent=extent, interpolation="nearest")
-        _dress(axes, plane, unit)
+        dress(axes, plane, unit)
     figure.colorbar(shown, ax=list(all_axes), label="damage", shrink=0.85, pad=0.015, aspect=24)
-    title = f"{_title(directory)}   t = {_time_text(frame.time)}"
+    title = f"{title_of(directory)}   t = {time_text(frame.time)}"
     if "precrack" in frame.names:
         title += "   (black: pre-crack)"
-    figure.suptitle(title, fontsize=12, color=_INK)
-    return _save(figure, directory / "damage.png")
+    figure.suptitle(title, fontsize=12, color=INK)
+    return save(figure, directory / "damage.png")
 
 
 def _draw_map(path, body, frame, name, label, colours):
     """Draw the magnitude of a field."""
-    planes = _planes(body)
-    figure, all_axes = _figure(body, planes)
-    unit, factor = _length_unit(body)
+    planes = planes_of(body)
+    figure, all_axes = figure_of(body, planes)
+    unit, factor = length_unit(body)
     for axes, plane in zip(all_axes, planes):
         image, extent = _raster(body, frame, name, plane)
         shown = axes.imshow(image, origin="lower", extent=[factor * x for x in extent], cmap=colours, interpolation="nearest")
-        _dress(axes, plane, unit)
+        dress(axes, plane, unit)
     figure.colorbar(shown, ax=list(all_axes), label=label, shrink=0.85, pad=0.015, aspect=24)
-    figure.suptitle(f"{_title(path.parent)}   t = {_time_text(frame.time)}", fontsize=12, color=_INK)
-    return _save(figure, path)
+    figure.suptitle(f"{title_of(path.parent)}   t = {time_text(frame.time)}", fontsize=12, color=INK)
+    return save(figure, path)
 
 
 def _draw_deformed(directory, body, frame):
     """Draw the deformed shape, displacements scaled so that the largest is 3 % of the body."""
     largest = max((float(np.max(np.linalg.norm(u, axis=1), initial=0.0)) for _, u in frame.chunks(body, "displacement")), default=0.0)
     size = float(np.max(body.upper - body.lower))
-    scale = _rounded(0.03 * size / largest) if largest > 0 and size > 0 and np.isfinite(largest) else 1.0
+    scale = rounded(0.03 * size / largest) if largest > 0 and size > 0 and np.isfinite(largest) else 1.0
     scale = 1.0 if largest > 0.03 * size else scale
     name = "damage" if "damage" in frame.names else "displacement"
-    planes = _planes(body)
-    figure, all_axes = _figure(body, planes)
-    unit, factor = _length_unit(body)
+    planes = planes_of(body)
+    figure, all_axes = figure_of(body, planes)
+    unit, factor = length_unit(body)
     for axes, plane in zip(all_axes, planes):
         image, extent = _raster(body, frame, name, plane, scale)
         shown = axes.imshow(image, origin="lower", extent=[factor * x for x in extent], cmap="cividis", interpolation="nearest")
-        _dress(axes, plane, unit)
+        dress(axes, plane, unit)
     figure.colorbar(shown, ax=list(all_axes), label=name if name == "damage" else "displacement magnitude [m]", shrink=0.85, pad=0.015, aspect=24)
-    figure.suptitle(f"{_title(directory)}   displacements x {scale:g}   t = {_time_text(frame.time)}", fontsize=12, color=_INK)
-    return _save(figure, directory / "deformed.png")
-
-
-def _rounded(number):
-    """Return 1, 2 or 5 times a power of ten, at most `number`."""
-    power = 10.0 ** np.floor(np.log10(number))
-    return float(power * max(step for step in (1, 2, 5) if step * power <= number * (1 + 1e-9)))
+    figure.suptitle(f"{title_of(directory)}   displacements x {scale:g}   t = {time_text(frame.time)}", fontsize=12, color=INK)
+    return save(figure, directory / "deformed.png")
 
 
 def _draw_history(directory, curves):
@@ -221,10 +208,10 @@ def _draw_history(directory, curves):
     return drawn
 
 
-def _lines_figure(rows=1):
+def _linesfigure(rows=1):
     import matplotlib.pyplot as plt
 
-    figure, axes = plt.subplots(rows, 1, figsize=(7.5, 3.2 * rows + 0.8), sharex=True, squeeze=False, facecolor=_PAPER, constrained_layout=True)
+    figure, axes = plt.subplots(rows, 1, figsize=(7.5, 3.2 * rows + 0.8), sharex=True, squeeze=False, facecolor=PAPER, constrained_layout=True)
     for each in axes[:, 0]:
         each.spines[["top", "right"]].set_visible(False)
         each.grid(alpha=0.25)
@@ -232,72 +219,34 @@ def _lines_figure(rows=1):
 
 
 def _draw_lines(directory, name, label, time, lines):
-    figure, (axes,) = _lines_figure()
+    figure, (axes,) = _linesfigure()
     for line, values in lines.items():
         axes.plot(time, values, label=line, linewidth=1.6)
-    axes.set(xlabel="time [µs]", ylabel=label, title=_title(directory))
+    axes.set(xlabel="time [µs]", ylabel=label, title=title_of(directory))
     axes.legend(frameon=False)
-    return _save(figure, directory / f"{name}.png")
+    return save(figure, directory / f"{name}.png")
 
 
 def _draw_tip(directory, time, name, history):
-    figure, (upper, lower) = _lines_figure(2)
+    figure, (upper, lower) = _linesfigure(2)
     for column in [f"{name}.{axis} [m]" for axis in "xyz"]:
         if column in history:
             upper.plot(time, 1e3 * history[column], label=column.split(".")[1][0], linewidth=1.6)
-    upper.set(ylabel="tip position [mm]", title=f"{_title(directory)}   tip '{name}'")
+    upper.set(ylabel="tip position [mm]", title=f"{title_of(directory)}   tip '{name}'")
     upper.legend(frameon=False)
     lower.plot(time, history[f"{name}.speed [m/s]"], color="#d9480f", linewidth=1.6)
     lower.set(xlabel="time [µs]", ylabel="tip speed [m/s]")
-    return _save(figure, directory / f"tip_{name}.png")
+    return save(figure, directory / f"tip_{name}.png")
 
 
 def _draw_curve(directory, name, x, y, history):
-    figure, (axes,) = _lines_figure()
-    axes.plot(history[x], history[y], linewidth=1.6, color=_INK)
-    axes.set(xlabel=x, ylabel=y, title=f"{_title(directory)}   {name}")
-    return _save(figure, directory / f"curve_{name}.png")
-
-
-def _length_unit(body):
-    size = float(np.max(body.upper - body.lower, initial=0.0))
-    return ("mm", 1e3) if size < 1.0 else ("m", 1.0)
-
-
-def _dress(axes, plane, unit):
-    axes.set(xlabel=f"{'xyz'[plane[0]]} [{unit}]", ylabel=f"{'xyz'[plane[1]]} [{unit}]", aspect="equal")
-    axes.tick_params(labelsize=9)
-    for spine in axes.spines.values():
-        spine.set_visible(False)
+    figure, (axes,) = _linesfigure()
+    axes.plot(history[x], history[y], linewidth=1.6, color=INK)
+    axes.set(xlabel=x, ylabel=y, title=f"{title_of(directory)}   {name}")
+    return save(figure, directory / f"curve_{name}.png")
 
 
 def _largest(image):
     return float(np.nanmax(image)) if np.isfinite(image).any() else 0.0
 
 
-def _time_text(time):
-    for unit, factor in (("s", 1.0), ("ms", 1e3), ("µs", 1e6)):
-        if abs(time) * factor >= 1 or time == 0:
-            return f"{time * factor:.4g} {unit}"
-    return f"{time * 1e9:.4g} ns"
-
-
-def _title(directory):
-    """Return the title of the run, or the folder's name."""
-    import json
-
-    try:
-        return json.loads((Path(directory) / "run.json").read_text())["title"] or Path(directory).name
-    except (OSError, ValueError, KeyError):
-        return Path(directory).name
-
-
-def _save(figure, path):
-    """Write a picture whole or not at all; return its path."""
-    import matplotlib.pyplot as plt
-
-    part = path.with_name(path.stem + ".part.png")
-    figure.savefig(part, dpi=130, facecolor=figure.get_facecolor())
-    plt.close(figure)
-    part.replace(path)
-    return path

@@ -25,11 +25,19 @@ def unused_options(words):
 
 
 class Defaults(NamedTuple):
-    """How a system is solved unless PETSc's options say otherwise: "cg" to a relative tolerance, or "richardson" for a fixed number of iterations."""
+    """How a system is solved unless PETSc's options say otherwise: "cg" to a relative tolerance, or "richardson" for a fixed number of iterations.
+
+    preconditioner : of matrices, PETSc's name of it.
+    """
 
     kind: str
     tolerance: float = 1e-8
     iterations: int = 200
+    preconditioner: str = "jacobi"
+
+
+class SolverError(RuntimeError):
+    """A linear system that was not solved: one sentence with the reason and the residual."""
 
 
 class LinearSolver:
@@ -76,8 +84,26 @@ class LinearSolver:
         self._x.set(0.0)
         self._ksp.solve(self._right, self._x)
         self.iterations = self._ksp.getIterationNumber()
-        self.failure = self.failure or _failure(self._ksp, self.prefix)
+        self.failure = self.failure or _diverged(self._ksp, self.prefix)
         return self._x.getArray().copy()
+
+
+    def condition(self):
+        """Return an estimate, from below, of the condition number of the preconditioned operator, from CG's iterations for one right side. Collective."""
+        if self._n == 0:
+            return 1.0
+        first, last = self._x.getOwnershipRange()
+        self._right.getArray()[...] = np.cos(2.4 * np.arange(first, last) ** 1.5)  # of no structure
+        self._x.set(0.0)
+        ksp = type(self._ksp)().create(self._ksp.getComm())  # CG makes room for its coefficients when it is set up
+        ksp.setOperators(*self._ksp.getOperators())
+        ksp.setPC(self._ksp.getPC())
+        ksp.setType("cg")
+        ksp.setComputeSingularValues(True)
+        ksp.setTolerances(rtol=1e-6, atol=1e-300, max_it=200)
+        ksp.solve(self._right, self._x)
+        most, least = ksp.computeExtremeSingularValues()
+        return most / least if least > 0.0 else np.inf
 
 
 class AssembledSolver:
@@ -128,7 +154,7 @@ class AssembledSolver:
         self._x.getArray()[...] = guess
         self._ksp.solve(self._right, self._x)
         self.iterations = self._ksp.getIterationNumber()
-        self.failure = self.failure or _failure(self._ksp, self.prefix)
+        self.failure = self.failure or _diverged(self._ksp, self.prefix)
         return self._x.getArray().copy()
 
     def condition(self):
@@ -149,12 +175,88 @@ def first_row(comm, n_local):
 
 
 def _failure(ksp, prefix):
-    """Return what is to be said about a solve that did not converge, or None. Local."""
-    reason = int(ksp.reason)
-    if reason > 0:
-        return None
-    return (f"the KSP {prefix} did not converge in {ksp.getIterationNumber()} iterations (reason {reason}, residual norm {ksp.getResidualNorm():.3g}):"
-            f" raise -{prefix}ksp_max_it or take a smaller step")
+    """Return what to say of a KSP that did not converge."""
+    return (f"the KSP {prefix} did not converge in {ksp.getIterationNumber()} iterations (reason {int(ksp.reason)}, residual norm"
+            f" {ksp.getResidualNorm():.3g}): raise -{prefix}ksp_max_it")
+
+
+def _diverged(ksp, prefix):
+    """Return None, or what to say of the last solve of a time step, if it did not converge."""
+    return None if int(ksp.reason) > 0 else _failure(ksp, prefix) + " or take a smaller step"
+
+
+class Rows(NamedTuple):
+    """The rows of a sparse matrix that this rank has: start (n_local + 1,), columns, global, and values of their entries, by row in PETSc's numbering."""
+
+    start: np.ndarray
+    columns: np.ndarray
+    values: np.ndarray
+
+
+class MatrixSolver:
+    """KSP on an assembled matrix (AIJ); PETSc's options of the given prefix take precedence over the defaults.
+
+    iterations : of the last solve. residual : its norm, that of b - A x unless options say otherwise.
+    """
+
+    def __init__(self, comm, prefix, defaults, rows, block=1, near_null=None):
+        """Set the KSP up. Collective over `comm`.
+
+        prefix : of PETSc options. defaults : Defaults. rows : Rows. block : unknowns per vertex, which follow each other.
+        near_null : (n_local, k) vectors that the matrix nearly takes to 0, such as rigid motions; multigrid ("gamg") needs them for elasticity.
+        """
+        from petsc4py import PETSc
+
+        self.prefix, self.iterations, self.residual = prefix, 0, 0.0
+        _prefixes.add(prefix)
+        n_local = len(rows.start) - 1
+        sizes = (n_local, comm.allreduce(n_local))
+        entries = (rows.start.astype(PETSc.IntType), rows.columns.astype(PETSc.IntType), rows.values)
+        self._matrix = PETSc.Mat().createAIJ((sizes, sizes), bsize=block, csr=entries, comm=comm)
+        self._matrix.setOption(PETSc.Mat.Option.SPD, True)
+        if near_null is not None:
+            self._matrix.setNearNullSpace(_near_null_space(self._matrix, near_null, comm))
+        self._ksp = PETSc.KSP().create(comm)
+        self._ksp.setOptionsPrefix(prefix)
+        self._ksp.setOperators(self._matrix)
+        self._ksp.setType(defaults.kind)
+        self._ksp.getPC().setType(defaults.preconditioner)
+        self._ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
+        self._ksp.setTolerances(rtol=defaults.tolerance, atol=1e-300, max_it=defaults.iterations)
+        self._ksp.setFromOptions()
+        self._right, self._x = self._matrix.createVecs()
+
+    def solve(self, right, guess=None):
+        """Return the solution (n_local,), starting at `guess` or 0. Collective.
+
+        Raises
+        ------
+        SolverError: the KSP's reason says that it diverged; on all ranks.
+        """
+        self._right.getArray()[...] = right
+        self._ksp.setInitialGuessNonzero(guess is not None)
+        self._x.getArray()[...] = 0.0 if guess is None else guess
+        self._ksp.solve(self._right, self._x)
+        self.iterations, self.residual = self._ksp.getIterationNumber(), self._ksp.getResidualNorm()
+        if not int(self._ksp.reason) > 0:
+            raise SolverError(_failure(self._ksp, self.prefix))
+        return self._x.getArray().copy()
+
+
+def _near_null_space(matrix, vectors, comm):
+    """Return the NullSpace of vectors (n_local, k), made orthonormal over all ranks. Collective."""
+    from petsc4py import PETSc
+
+    found = []
+    for column in vectors.T:
+        vector = matrix.createVecRight()
+        vector.getArray()[...] = column
+        for other in 2 * found:  # twice: one pass leaves what rounding left
+            vector.axpy(-vector.dot(other), other)
+        if vector.norm() > 0.0:
+            vector.normalize()
+            found.append(vector)
+    return PETSc.NullSpace().create(constant=False, vectors=found, comm=comm)
 
 
 class _Shell:

@@ -22,7 +22,7 @@ from pdhpc.scene.body import make_body, make_shape
 from pdhpc.scene.build import cut_cracks
 from pdhpc.scene.conditions import force_densities, select_particles, time_function
 from pdhpc.scene.mesh_rules import LARGEST_SHARE
-from pdhpc.scene.methods import ACTIVATION
+from pdhpc.scene.methods import ACTIVATION, TOLERANCE
 from pdhpc.scene.parts import make_part
 from pdhpc.scene.problem import Problem
 from pdhpc.scene.schema import POISSONS_RATIO
@@ -134,7 +134,8 @@ class CoupledParts:
     def stepper(self, dt, k):
         """Return the CoupledStep of global steps dt, s, with k sub-steps. Collective."""
         setting, mesh = self.scene.gfem, self.mesh
-        scheme = make_scheme(setting.scheme, self.solution, self.local, (dt, k), setting.tolerance)
+        tolerance = TOLERANCE if setting.tolerance is None else setting.tolerance
+        scheme = make_scheme(setting.scheme, self.solution, self.local, (dt, k), tolerance, not self.scene.time.allow_unstable)
         stepper = CoupledStep(self.comm, self.patches, self.local, self.solution, scheme, ACTIVATION if setting.activation is None else setting.activation)
         self.patches.add(np.ones(mesh.n_owned_cells, bool) if setting.everywhere else self._cracked())
         stepper.follow()

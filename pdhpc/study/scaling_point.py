@@ -63,7 +63,7 @@ def _time_frame(simulation, comm):
     view = simulation.stepper.view
     view.prepare()
     writer = FieldWriter(comm, folder, {"scene": "", "version": "", "ranks": comm.size})
-    writer.write_points(view.ids, view.places(), view.volume, view.block)
+    writer.write_points(view.ids, view.places(), view.volume, view.block, view.cells)
     comm.Barrier()
     started = time.perf_counter()
     writer.write_frame(0, 0.0, {name: view.field(name) for name in ("displacement", "damage")})

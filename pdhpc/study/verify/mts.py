@@ -4,8 +4,9 @@ import math
 import numpy as np
 
 from pdhpc.mts.ramp_response import fejer
-from pdhpc.mts.strip import LinearForces, critical_step, noise
+from pdhpc.mts.strip import LinearForces, critical_step
 from pdhpc.parallel.comm import exact_sum, largest, world
+from pdhpc.parallel.noise import noise
 from pdhpc.scene.build import build
 from pdhpc.scene.read import parse_scene
 from pdhpc.study.verify.case import Check, at_most, case, plate

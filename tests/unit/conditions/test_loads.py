@@ -32,3 +32,12 @@ def test_the_work_of_holding_is_what_the_forces_do_not_do():
     motion.do_work(force, velocity, 0.1)
     assert motion.work[0] == pytest.approx(-0.5 * 5.0 * 2.0 * 0.1)
     assert motion.kinetic(velocity, np.array([1.5]))[0] == pytest.approx(6.0)
+
+
+def test_each_particle_may_have_its_own_motion():
+    motion = PrescribedMotion([2, 0], [1], [[4.0], [6.0]], Ramp(0.0, 2.0), "displacement")
+    u, v = np.zeros((3, 2)), np.zeros((3, 2))
+    motion.steer(u, v, 1.0, 0.5)
+    assert (u + 0.5 * v)[:, 1].tolist() == [3.0, 0.0, 2.0]
+    motion.settle(v, 1.0)
+    assert v[:, 1].tolist() == [3.0, 0.0, 2.0]

@@ -22,7 +22,7 @@ def wave(x):
 
 @pytest.mark.parametrize("path, dim", CHOICES)
 def test_fits_are_those_of_dense_matrices(path, dim):
-    problem = body_of(dim, path, extra=CRACK[dim])
+    problem = body_of(dim, path, spacing=0.5, extra=CRACK[dim])
     points = random_points(problem, 400)
     found = rebuild(problem, wave, points)
     value, gradient = dense_squares(problem, wave, points, "voronoi")

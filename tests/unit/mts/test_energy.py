@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from pdhpc.mts.energy import conserved_energy, inertia_of
-from pdhpc.mts.strip import LinearForces, noise
+from pdhpc.mts.strip import LinearForces
+from pdhpc.parallel.noise import noise
 from pdhpc.study.verify.case import plate, problem_of
 
 

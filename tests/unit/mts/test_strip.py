@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from pdhpc.mts.strip import LinearForces, critical_step, noise
+from pdhpc.mts.strip import LinearForces, critical_step
+from pdhpc.parallel.noise import noise
 from pdhpc.study.verify.case import plate, problem_of
 from pdhpc.study.verify.mts import coupled
 from pdhpc.warm_up import MODELS
@@ -38,9 +39,6 @@ def test_power_iteration_finds_the_largest_frequency():
     assert exact * (1 - 1e-12) <= found < 1.01 * exact and problem.critical_dt < exact
 
 
-def test_noise_depends_on_ids_alone():
-    whole = noise(np.arange(1000), 3)
-    assert np.array_equal(noise(np.arange(10, 20), 3), whole[10:20]) and np.abs(whole).max() <= 1 and abs(whole.mean()) < 0.05 and 0.5 < whole.std() < 0.65
 
 
 def test_levels_grow_by_what_is_bonded():

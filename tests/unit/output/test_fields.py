@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pdhpc.output import fields
-from pdhpc.output.fields import FieldWriter, frame_times, read_frame, read_points
+from pdhpc.output.fields import Cells, FieldWriter, frame_times, read_frame, read_points
 from pdhpc.output.record import OutputError
 
 
@@ -47,6 +47,22 @@ def test_meshio_reads_every_frame(tmp_path, comm, monkeypatch):
         assert reader.num_steps == 3
         time_, point_data, _ = reader.read_data(2)
         assert time_ == 1.0 and np.array_equal(point_data["displacement"], x + 2)
+
+
+@pytest.mark.parametrize("kind, corners", [("quad", [[0, 1, 3, 2], [2, 3, 5, 4]]), ("triangle", [[0, 1, 2]]), ("tetra", [[0, 1, 2, 4]]), ("hexahedron", [[0, 1, 3, 2, 4, 5, 7, 6]])])
+def test_meshio_reads_the_cells_of_a_mesh(tmp_path, comm, monkeypatch, kind, corners):
+    import meshio
+
+    x = np.random.default_rng(0).random((8, 2 if kind in ("quad", "triangle") else 3))
+    writer = FieldWriter(comm, tmp_path, {})
+    writer.write_points(np.arange(8), x, np.ones(8), np.zeros(8), Cells(kind, np.array(corners)))
+    writer.write_frame(1, 0.5, {"displacement": x})
+    assert np.array_equal(read_points(tmp_path)["cells"], corners)
+    monkeypatch.chdir(tmp_path)
+    with meshio.xdmf.TimeSeriesReader("fields.xdmf") as reader:
+        points, cells = reader.read_points_cells()
+        assert np.array_equal(points[:, : x.shape[1]], x) and cells[0].type == kind and np.array_equal(cells[0].data, corners)
+        assert np.array_equal(reader.read_data(0)[1]["displacement"][:, : x.shape[1]], x)
 
 
 def test_an_unfinished_frame_is_not_seen(tmp_path, comm, monkeypatch):

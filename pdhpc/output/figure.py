@@ -1,0 +1,72 @@
+"""What all pictures share: figures in a body's proportions, units, titles, and files written whole or not at all."""
+from pathlib import Path
+
+import numpy as np
+
+INK, PAPER = "#1b1f24", "white"
+
+
+def planes_of(body):
+    """Return the planes in which a body is shown, as pairs of axes."""
+    return [(0, 1)] if body.dim == 2 else [(0, 1), (0, 2), (1, 2)]
+
+
+def figure_of(body, planes):
+    """Return (figure, one axes per plane) in the body's proportions."""
+    import matplotlib.pyplot as plt
+
+    extents = [(body.upper[list(plane)] - body.lower[list(plane)] + body.spacing) for plane in planes]
+    width = 9.0
+    heights = [min(9.0, max(1.6, 0.80 * width * extent[1] / extent[0])) for extent in extents]
+    figure, axes = plt.subplots(len(planes), 1, figsize=(width, sum(heights) + 1.0 * len(planes)), gridspec_kw={"height_ratios": heights}, squeeze=False,
+                                facecolor=PAPER, constrained_layout=True)
+    return figure, axes[:, 0]
+
+
+def length_unit(body):
+    """Return (name, factor) of the unit that lengths of a body are shown in."""
+    size = float(np.max(body.upper - body.lower, initial=0.0))
+    return ("mm", 1e3) if size < 1.0 else ("m", 1.0)
+
+
+def dress(axes, plane, unit):
+    """Label the axes of a map and leave out its frame."""
+    axes.set(xlabel=f"{'xyz'[plane[0]]} [{unit}]", ylabel=f"{'xyz'[plane[1]]} [{unit}]", aspect="equal")
+    axes.tick_params(labelsize=9)
+    for spine in axes.spines.values():
+        spine.set_visible(False)
+
+
+def rounded(number):
+    """Return 1, 2 or 5 times a power of ten, at most `number`."""
+    power = 10.0 ** np.floor(np.log10(number))
+    return float(power * max(step for step in (1, 2, 5) if step * power <= number * (1 + 1e-9)))
+
+
+def time_text(time):
+    """Return a time with a unit that suits it."""
+    for unit, factor in (("s", 1.0), ("ms", 1e3), ("µs", 1e6)):
+        if abs(time) * factor >= 1 or time == 0:
+            return f"{time * factor:.4g} {unit}"
+    return f"{time * 1e9:.4g} ns"
+
+
+def title_of(directory):
+    """Return the title of the run, or the folder's name."""
+    import json
+
+    try:
+        return json.loads((Path(directory) / "run.json").read_text())["title"] or Path(directory).name
+    except (OSError, ValueError, KeyError):
+        return Path(directory).name
+
+
+def save(figure, path):
+    """Write a picture whole or not at all; return its path."""
+    import matplotlib.pyplot as plt
+
+    part = path.with_name(path.stem + ".part.png")
+    figure.savefig(part, dpi=130, facecolor=figure.get_facecolor())
+    plt.close(figure)
+    part.replace(path)
+    return path
