@@ -151,7 +151,7 @@ class LocalParticles:
         mixed = np.unique(owned[status == 1] // LANES)
         self.rows = (np.setdiff1d(swept, mixed, assume_unique=True) * LANES).astype(np.int32)
         self.moving = (np.unique(self.points.slots // LANES) * LANES).astype(np.int32)
-        mark_kinds(arrays.offset, self.subdomain.particles.block, (swept * LANES).astype(np.int32), arrays.kind)
+        mark_kinds(arrays.offset, self._block, (swept * LANES).astype(np.int32), arrays.kind)  # a collar has the moduli of its material
         lane = (mixed[:, None] * LANES + np.arange(LANES)).ravel()
         mine = np.zeros(len(self.alpha), bool)
         mine[owned] = True
