@@ -73,7 +73,7 @@ def test_coupled_run_is_the_same_on_any_number_of_ranks(comm, coupled_plate, sch
         u = particles.owned(particles.position)
         at_particles = {int(i): value for i, value in zip(particles.id[: particles.n_owned][inside], u[inside])}
         at_vertices = dict(zip(parts.mesh.vertex_id[:n].tolist(), parts.solution.displacement[:n]))
-        numbers = [ranks.allreduce(stepper.broken), *ranks.allreduce(stepper.scheme.enriched()), stepper.scheme.loss, getattr(stepper.scheme, "critical_dt", 0.0)]
+        numbers = [ranks.allreduce(stepper.broken), *ranks.allreduce(stepper.scheme.enriched[0]), ranks.allreduce(stepper.scheme.lost), getattr(stepper.scheme, "critical_dt", 0.0)]
         found.append((at_particles, at_vertices, numbers))
     (particles, vertices, numbers), (all_particles, all_vertices, expected) = found
     scale = max(np.abs(value).max() for value in all_vertices.values())
