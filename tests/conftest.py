@@ -2,7 +2,9 @@
 import os
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 MPI_TESTS = Path(__file__).parent / "mpi"
@@ -61,3 +63,43 @@ def comm():
     from mpi4py import MPI
 
     return MPI.COMM_WORLD
+
+
+@pytest.fixture
+def cracked_box():
+    """Function that makes a box of cells with points of uneven masses, enriched around a crack along y = 1.6 for x < 3.2, see _cracked_box."""
+    return _cracked_box
+
+
+def _cracked_box(comm, counts=(6, 4), ratio=4, inside=None):
+    """Return a namespace of a mesh of unit cells and what an enriched space takes: mesh, inside (J), points, lumped, position of the points, their field eta.
+
+    inside : function points (n, dim) -> (n,) bool, the vertices of J; default those near the crack. ratio : points along a side of a cell.
+    """
+    from pdhpc.fem.facets import UNIT_CORNERS
+    from pdhpc.fem.mesh import cell_partition, make_box_mesh
+    from pdhpc.gfem.points import Points
+
+    dim = len(counts)
+    lower, upper = np.zeros(dim), np.array(counts, float)
+    mesh = make_box_mesh(comm, lower, upper, counts, cell_partition(comm, lower, upper, counts))
+    inside = inside or (lambda x: (np.abs(x[:, 1] - 1.6) < 1.0) & (x[:, 0] < 4.0))
+    chosen = inside(mesh.points)
+    cell = np.flatnonzero(chosen[mesh.cells[: mesh.n_owned_cells]].any(axis=1)).astype(np.int32)
+    template = (np.stack(np.meshgrid(*[np.arange(ratio)] * dim, indexing="ij"), axis=-1).reshape(-1, dim) + 0.5) / ratio
+    values = np.prod(np.where(UNIT_CORNERS[mesh.kind][None], template[:, None], 1.0 - template[:, None]), axis=2)
+    position = (mesh.points[mesh.cells[cell, 0]][:, None] + template).reshape(-1, dim)
+    mass = (1.0 + 0.3 * np.sin(5.0 * position.sum(axis=1))) / ratio**dim
+    points = Points(np.arange(len(position)), cell, np.arange(len(cell) + 1) * len(template), np.tile(values, (len(cell), 1)), mass)
+    outside = ~chosen[mesh.cells[: mesh.n_owned_cells]].any(axis=1)
+    lumped = np.zeros(len(mesh.points))
+    np.add.at(lumped, mesh.cells[: mesh.n_owned_cells][outside], 1.0 / mesh.cells.shape[1])
+    bound = mesh.exchange.bind(lumped)
+    bound.accumulate()
+    bound.refresh()
+    bound.free()
+    x, y = position[:, 0], position[:, 1]
+    opening = np.where(x < 3.2, np.sqrt(np.abs(3.2 - x)), 0.0) * np.sign(y - 1.6)
+    eta = np.zeros((len(position), dim))
+    eta[:, 0], eta[:, 1] = 0.02 * np.sin(x) + 0.1 * opening, 0.05 * x * x + opening
+    return SimpleNamespace(mesh=mesh, inside=chosen, points=points, lumped=lumped, position=position, eta=eta)

@@ -7,6 +7,7 @@ from time import perf_counter
 import numpy as np
 
 from pdhpc.gfem.patches import largest_principal_strains
+from pdhpc.gfem.view import CoupledView
 from pdhpc.kernels import blend
 from pdhpc.kernels.motion import kinetic_energies
 from pdhpc.parallel.comm import largest
@@ -27,9 +28,7 @@ class CoupledStep:
         self.comm, self.patches, self.local, self.solution, self.scheme = comm, patches, local, solution, scheme
         self.dt, self.k, self.step, self._activation = scheme.dt, scheme.k, 0, activation
         self._stages = dict.fromkeys(("choose", "seed", "reconstruct", "solve"), 0.0)
-        self.view, self._limits = None, self._strain_limits()
-        self.largest_share = self.summed_share = 0.0
-        self._work = np.zeros((len(solution.mesh.points), 1))
+        self.view, self._limits = CoupledView(self), self._strain_limits()
 
     def advance(self):
         """Do one step from t_n to t_n + dt:
@@ -157,7 +156,7 @@ class CoupledStep:
             "kinetic_energy": np.concatenate([self.solution.kinetic_energies(), kinetic]),
             "strain_energy": np.concatenate([self.solution.strain_energies(), strain * local.volume]),
             "dissipated_energy": particles.owned(particles.dissipated),
-            "external_work": self.solution.external_work(),
+            "external_work": np.concatenate([self.solution.external_work(), local.external_work()]),
         }
 
     def state(self):

@@ -31,6 +31,10 @@ class ParticleLoad:
         chosen = inside[self.slots]
         return BodyForce(self.slots[chosen], self.vector[chosen], self.time_function)
 
+    def whole(self):
+        """Return the BodyForce on all of its particles. Local."""
+        return BodyForce(self.slots, self.vector, self.time_function)
+
     def outside(self, mesh, enriched):
         """Return (n_vertices, dim), N at f = 1, of this rank's owned cells that are not enriched: to be accumulated. Local."""
         result = np.zeros((len(mesh.points), mesh.dim))

@@ -9,7 +9,7 @@ from time import perf_counter
 import numpy as np
 
 from pdhpc.gfem import lanes
-from pdhpc.gfem.loads import LoadOnLanes
+from pdhpc.gfem.loads import LoadOnLanes, sub_step_sums
 from pdhpc.gfem.points import interpolate
 from pdhpc.kernels import blend, sweeps
 from pdhpc.kernels.lattice import mark_kinds
@@ -76,8 +76,8 @@ class LocalParticles:
         self.density, self._block = law.density, particles.block.copy()
         self.alpha, self._inverse_density = np.zeros(n_slots), np.zeros(n_slots)
         self.inside, self._cell, self._number = np.zeros(n_slots, bool), np.zeros(n_slots, np.int32), np.zeros(n_slots, np.uint16)
-        self._enriched = np.zeros(len(lattice.mesh.cells), bool)
-        self._positions = None
+        self.enriched = np.zeros(len(lattice.mesh.cells), bool)
+        self._positions, self.acting, self.load_work = None, [], 0.0
         self.broken, self.bond_evaluations, self.particle_steps = 0, 0, 0
         self.seconds = dict.fromkeys(("force", "exchange", "wait", "integrate"), 0.0)
         particles.block[:] = may_not_fail[particles.block]
@@ -89,14 +89,14 @@ class LocalParticles:
         weight : (n_vertices,), alpha is its interpolation. displacement, velocity : (n_vertices, dim), fresh ghosts included.
         """
         mesh, particles, lattice = self.lattice.mesh, self.subdomain.particles, self.lattice
-        self._take_in(np.flatnonzero(patches.enriched & ~self._enriched), displacement, velocity)
-        self._enriched = patches.enriched.copy()
+        self._take_in(np.flatnonzero(patches.enriched & ~self.enriched), displacement, velocity)
+        self.enriched = patches.enriched.copy()
         ramped = (weight[mesh.cells] > 0.0).any(axis=1)
         self._set_alpha(np.flatnonzero(ramped), weight)
         near = patches.around(ramped | patches.enriched)
         self.points = lattice.points_of(np.flatnonzero(patches.enriched[: mesh.n_owned_cells]), self.density)
         outer = np.flatnonzero(near & ~patches.enriched)
-        slots, cells, numbers = self._slots_of(outer)
+        slots, cells, numbers = self.slots_of(outer)
         ghost = cells >= mesh.n_owned_cells
         owned = np.concatenate([self.points.slots, slots[~ghost]])
         status = np.zeros(len(owned), np.int8)
@@ -107,13 +107,14 @@ class LocalParticles:
         self.collar = Collar(slots[prescribed], cells[prescribed], lattice.shape[numbers[prescribed]], mesh.dim)
         self._choose_rows(owned, status)
         self._positions = self._exchange.restricted(self.inside).bind(particles.position)
+        self.load_work = self.external_work().sum()
         self.acting = [load.within(self.inside) for load in self.loads]
         self.acting_on_lanes = [LoadOnLanes(load, self.blended) for load in self.acting]
 
     def _take_in(self, cells, displacement, velocity):
         """Give the particles of new cells the nodal fields, and let them move and fail."""
         mesh, particles = self.lattice.mesh, self.subdomain.particles
-        slots, cell, number = self._slots_of(cells)
+        slots, cell, number = self.slots_of(cells)
         self.inside[slots] = True
         particles.block[slots] = self._block[slots]
         self._cell[slots], self._number[slots] = cell + 1, number
@@ -126,7 +127,7 @@ class LocalParticles:
             target[mine] = values
         self._inverse_density[slots[owned]] = 1.0 / self.density[particles.block[slots[owned]]]
 
-    def _slots_of(self, cells):
+    def slots_of(self, cells):
         """Return (slots, cells, numbers in them) of the particles of local cells that this rank holds, (n,) each."""
         slots = self.lattice.slots_of(np.asarray(cells, np.int32))
         there = slots >= 0
@@ -193,11 +194,18 @@ class LocalParticles:
         self._forces(0.5 * tau, 0.5 * k * tau**2, start)
         for j in range(1, k + 1):
             self._drift(0.5 * tau if j == 1 else tau, tau)
+            for load in self.acting:
+                load.do_work(particles.velocity, start + j * tau, tau)
             self._place_collar(j * tau)
             self.refresh()
             self._forces(0.5 * tau if j == k else tau, (k - j) * tau**2, start + j * tau)
         self._kick(0.5 * tau)
         self.particle_steps += k * len(self.points.slots)
+
+    def add_loads_to_sums(self, k):
+        """Add what loads on blended particles did in the k sub-steps of the last run to their impulses and moments. Local."""
+        for load in self.acting_on_lanes:
+            load.add_to(self.blended, *sub_step_sums(load.time_function, self.start, self.tau, k))
 
     def refresh(self):
         """Bring the positions of moving ghosts up to date. Collective over neighbours."""
@@ -238,6 +246,10 @@ class LocalParticles:
         collar = self.collar
         lanes.place(collar.slots, collar.displacement, collar.velocity, collar.acceleration, t, self.subdomain.particles.position)
         self.seconds["integrate"] += perf_counter() - started
+
+    def external_work(self):
+        """Return (n,) J, contributions to the work of loads on the particles of enriched cells. Local."""
+        return np.concatenate([np.array([self.load_work]), *(load.work * self.volume for load in self.acting)])
 
     def wanting(self, cells, share):
         """Return (n,) bool: owned cells (n,) with a particle that is stretched beyond `share` of its limit, or has a broken bond. Local."""

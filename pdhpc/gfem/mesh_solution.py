@@ -30,6 +30,7 @@ class MeshSolution:
         self.right = np.zeros(shape)
         self._change, self._right = mesh.exchange.bind(self.change), mesh.exchange.bind(self.right)
         self._half, self.first = np.zeros(shape), True
+        self.load_work = np.zeros(len(mesh.points))
         self.held = np.zeros(shape, bool)
         for motion in motions:
             self.held[np.ix_(motion.indices, motion.components)] = True
@@ -88,10 +89,23 @@ class MeshSolution:
         add_cell_forces(mesh.cells, self._ramped, self._ramped_stiffness, self.displacement, self.force)
 
     def steer(self, time, dt):
-        """Put in `change` what takes prescribed components to where they must be at time + dt. Local."""
+        """Put in `change` what takes prescribed components from `time` to where they must be at time + dt. Local."""
         for motion in self.motions:
             motion.steer(self.displacement, self._half, time + dt, dt)
             put_components(motion.indices, motion.components, dt, self._half, self.change)
+
+    def account(self, time, dt):
+        """Account for the work of loads outside the patches over the step that ends at `time`; `change` is that of the displacement. Local."""
+        for load, nodal in zip(self.loads, self._outside_loads):
+            mean = 0.5 * (load.time_function.value(time - dt) + load.time_function.value(time))
+            add_work(mean, nodal, self.change, self.load_work)
+
+    def account_motions(self, dt):
+        """Account for the work of what holds prescribed components; `right` is dt/2 times the forces at both ends of the step. Local."""
+        if self.motions:
+            forces = (2.0 / dt) * self.right
+            for motion in self.motions:
+                motion.do_work(forces, self._half, dt)
 
     def settle_motions(self, time):
         """Put the prescribed velocities at a time in `change`. Local."""
@@ -105,13 +119,26 @@ class MeshSolution:
             np.copyto(self.previous_acceleration, self.acceleration)
             self.first = False
 
+    def begin(self):
+        """Give prescribed components their velocity, and take their kinetic energy as that of the start. Local."""
+        for motion in self.motions:
+            motion.settle(self.velocity, 0.0)
+            motion.initial_kinetic = motion.kinetic(self.velocity, 0.5 * self.outside_mass[motion.indices])
+
     def external_work(self):
-        """Return (n,) J, contributions of this rank to the work of loads and of prescribed motion. Local."""
-        return np.zeros(0)
+        """Return (n,) J, contributions of this rank to the work of loads outside the patches and of prescribed motion. Local."""
+        parts = [self.load_work]
+        for motion in self.motions:
+            parts.append(motion.work + motion.kinetic(self.velocity, 0.5 * self.outside_mass[motion.indices]) - motion.initial_kinetic)
+        return np.concatenate(parts)
 
     def work_state(self):
         """Return {key: (getter, setter)} of the work accounts."""
-        return {}
+        state = {"work/mesh_loads": (lambda: self.load_work, lambda value: np.copyto(self.load_work, value))}
+        for number, motion in enumerate(self.motions):
+            state[f"work/motion_{number}"] = (lambda m=motion: m.work, lambda value, m=motion: np.copyto(m.work, value))
+            state[f"initial_kinetic/{number}"] = (lambda m=motion: m.initial_kinetic, lambda value, m=motion: np.copyto(m.initial_kinetic, value))
+        return state
 
     def strain_energies(self):
         """Return (n_owned_cells,) J, of the elements of this rank. Local."""
@@ -166,3 +193,11 @@ def take_velocity(standard, dt, change, velocity, acceleration, previous):
             previous[n, d] = acceleration[n, d]
             acceleration[n, d] = (change[n, d] - velocity[n, d]) / dt if standard[n] else 0.0
             velocity[n, d] = change[n, d] if standard[n] else 0.0
+
+
+@kernel
+def add_work(factor, nodal, change, work):
+    """work += factor nodal . change of each vertex."""
+    for n in range(len(work)):
+        for d in range(nodal.shape[1]):
+            work[n] += factor * nodal[n, d] * change[n, d]

@@ -11,7 +11,6 @@ vanish: only the rows of Blended particles are projected.
 import numpy as np
 
 from pdhpc.gfem import lanes
-from pdhpc.gfem.loads import sub_step_sums
 from pdhpc.gfem.vertex_means import VertexMeans
 from pdhpc.jit import kernel
 
@@ -20,6 +19,7 @@ class Pinned:
     """Scheme "pinned" of a coupled step."""
 
     name = "pinned"
+    loss = 0.0  # nothing is projected where alpha = 1
 
     def __init__(self, solution, local, mass, dt, k):
         """solution : MeshSolution. local : LocalParticles. mass : PatchMass. dt, s, of k sub-steps."""
@@ -48,11 +48,19 @@ class Pinned:
         self._means.store(self.local.subdomain.particles.position, self.solution.displacement)
         self.solution.refresh("displacement")
 
+    def enriched(self):
+        """Return (dofs in x, in y) that carry the enrichment: J, of this rank's vertices. Local."""
+        count = int((~self._standard[: self.solution.mesh.n_owned]).sum())
+        return count, count
+
+    def condition(self):
+        """Return an estimate of the condition number of the scaled mass matrix. Collective."""
+        return self.mass.condition()
+
     def reconstruct(self):
         """Take the local run as it is: eta = U - u^n in the space of displacements, V in that of velocities, both at the particles, with the coefficient 1. Local."""
-        local, blended = self.local, self.local.blended
-        for load in local.acting_on_lanes:
-            load.add_to(blended, *sub_step_sums(load.time_function, local.start, local.tau, self.k))
+        local = self.local
+        local.add_loads_to_sums(self.k)
         return local.subdomain.particles.position, local.subdomain.particles.velocity
 
     def solve(self, eta, time):
@@ -74,6 +82,7 @@ class Pinned:
         self._divide(dt)
         solution.steer(time, dt)
         solution.refresh_change()
+        solution.account(time + dt, dt)
         add_where(self._standard, solution.change, solution.displacement)
         lanes.blend_state(blended.rows, blended.inside, blended.alpha, blended.before, position, self.local.subdomain.particles.velocity, False)
         self._add_to_points(position)
@@ -89,6 +98,7 @@ class Pinned:
         lanes.project_velocity(blended.rows, blended.cell, blended.shape, blended.alpha, blended.inside, blended.velocity_before, blended.impulse, velocity, blended.density,
                                self.local.volume, mesh.cells, right)
         solution.gather_right()
+        solution.account_motions(dt)
         self._divide(1.0)
         solution.settle_motions(time)
         solution.refresh_change()

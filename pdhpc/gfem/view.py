@@ -2,6 +2,8 @@
 import numpy as np
 
 from pdhpc.gfem.points import interpolate
+from pdhpc.kernels import sweeps
+from pdhpc.kernels.motion import first_not_finite
 from pdhpc.peridynamics.view import View
 
 _PIECE = 1 << 14  # cells interpolated together: bounds the temporary memory
@@ -13,10 +15,10 @@ class CoupledView(View):
     Looking costs time and memory per particle; steps in between do not.
     """
 
-    def __init__(self, local, solution):
-        """local : LocalParticles. solution : MeshSolution."""
-        super().__init__(local.subdomain, local.law)
-        self._local, self._solution = local, solution
+    def __init__(self, stepper):
+        """stepper : CoupledStep."""
+        self._stepper, self._local, self._solution = stepper, stepper.local, stepper.solution
+        super().__init__(self._local.subdomain, self._local.law)
 
     def prepare(self):
         """Put the particles outside the patches, ghosts too, where the elements have them. Local."""
@@ -46,8 +48,21 @@ class CoupledView(View):
         return super().field(name)
 
     def _force_densities(self):
-        """Return (n, dim), N/m^3: those of bonds and loads where particles move, the share of each particle in the forces of its element elsewhere."""
-        raise NotImplementedError
+        """Return (n, dim), N/m^3: of the bonds of all particles, and of loads. Local."""
+        domain, particles = self._subdomain, self._subdomain.particles
+        unbreakable = self._law._replace(break_at=np.full_like(self._law.break_at, np.inf))
+        bonds = domain.bonds.arrays._replace(trigger=np.full_like(domain.bonds.arrays.trigger, np.inf))
+        total = np.zeros(particles.force_density.shape[::-1]).T
+        sweeps.bond_forces(bonds, domain.points, unbreakable, None, True, particles.third, np.concatenate(domain.rows), total, particles.dissipated)
+        for load in self._local.loads:
+            load.whole().add_to(total, self._stepper.time)
+        return particles.owned(total)
+
+    def first_not_finite(self):
+        """As View.first_not_finite, of what moves by itself and of the vertices. Local."""
+        particles = self._local.subdomain.particles
+        row = int(first_not_finite(particles.position, particles.slots))
+        return None if row < 0 else (int(particles.id[row]), tuple(float(x) for x in self.places(row)[0]))
 
     def foremost(self, members, ahead, threshold):
         """As View.foremost; only particles of enriched cells can have lost bonds."""

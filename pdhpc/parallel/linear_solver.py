@@ -84,15 +84,87 @@ class LinearSolver:
         self._x.set(0.0)
         self._ksp.solve(self._right, self._x)
         self.iterations = self._ksp.getIterationNumber()
-        if not int(self._ksp.reason) > 0 and self.failure is None:
-            self.failure = _failure(self._ksp, self.prefix) + " or take a smaller step"
+        self.failure = self.failure or _diverged(self._ksp, self.prefix)
         return self._x.getArray().copy()
+
+
+class AssembledSolver:
+    """KSP on a matrix given by rows, preconditioned by its diagonal; PETSc's options of the given prefix take precedence over the defaults.
+
+    The relative tolerance is that of the preconditioner's norm (r^T D^-1 r)^(1/2). Ranks may have no rows.
+
+    iterations : of the last solve. failure : None, or what the first solve that did not converge has to say.
+    """
+
+    def __init__(self, comm, prefix, defaults, indptr, columns):
+        """Fix the rows' columns. Collective over `comm`.
+
+        prefix : of PETSc options, such as "gfem_". defaults : Defaults. indptr (n_local + 1,), columns (nnz,) : of this rank's rows, columns in global numbers,
+        where each rank's rows are numbered in one run, see first_row.
+        """
+        from petsc4py import PETSc
+
+        self.prefix, self.iterations, self.failure = prefix, 0, None
+        _prefixes.add(prefix)
+        n_local = len(indptr) - 1
+        self._n = comm.allreduce(n_local)
+        self._indptr, self._columns = np.asarray(indptr, PETSc.IntType), np.asarray(columns, PETSc.IntType)
+        sizes = ((n_local, self._n), (n_local, self._n))
+        self._matrix = PETSc.Mat().createAIJ(sizes, csr=(self._indptr, self._columns, np.zeros(len(columns))), comm=comm)
+        self._ksp = PETSc.KSP().create(comm)
+        self._ksp.setOptionsPrefix(prefix)
+        self._ksp.setOperators(self._matrix)
+        self._ksp.getPC().setType("jacobi")
+        self._ksp.setType(defaults.kind)
+        self._ksp.setNormType(PETSc.KSP.NormType.NATURAL)
+        self._ksp.setTolerances(rtol=defaults.tolerance, atol=1e-300, max_it=defaults.iterations)
+        self._ksp.setComputeSingularValues(True)
+        self._ksp.setInitialGuessNonzero(True)
+        self._ksp.setFromOptions()
+        self._right, self._x = self._matrix.createVecs()
+
+    def fill(self, values):
+        """Set the entries of this rank's rows, (nnz,). Collective."""
+        self._matrix.setValuesCSR(self._indptr, self._columns, values)
+        self._matrix.assemble()
+
+    def solve(self, right, guess=0.0):
+        """Return the solution (n_local,), of an iteration that starts from `guess`; `failure` as of LinearSolver.solve. Collective."""
+        if self._n == 0:
+            return np.zeros(0)
+        self._right.getArray()[...] = right
+        self._x.getArray()[...] = guess
+        self._ksp.solve(self._right, self._x)
+        self.iterations = self._ksp.getIterationNumber()
+        self.failure = self.failure or _diverged(self._ksp, self.prefix)
+        return self._x.getArray().copy()
+
+    def condition(self):
+        """Return an estimate, from below, of the condition number of the preconditioned matrix, from the iterations for one right side. Collective."""
+        if self._n == 0:
+            return 1.0
+        first, last = self._matrix.getOwnershipRange()
+        self._right.getArray()[...] = np.cos(2.4 * np.arange(first, last) ** 1.5) * np.sqrt(self._matrix.getDiagonal().getArray())  # of no structure
+        self._x.set(0.0)
+        self._ksp.solve(self._right, self._x)
+        most, least = self._ksp.computeExtremeSingularValues()
+        return most / least if least > 0.0 else np.inf
+
+
+def first_row(comm, n_local):
+    """Return the global number of this rank's first row, when the ranks' rows are numbered one after the other. Collective."""
+    return comm.scan(n_local) - n_local
 
 
 def _failure(ksp, prefix):
     """Return what to say of a KSP that did not converge."""
     return (f"the KSP {prefix} did not converge in {ksp.getIterationNumber()} iterations (reason {int(ksp.reason)}, residual norm"
             f" {ksp.getResidualNorm():.3g}): raise -{prefix}ksp_max_it")
+
+
+def _diverged(ksp, prefix):
+    """Return None, or what to say of the last solve of a time step, if it did not converge."""
+    return None if int(ksp.reason) > 0 else _failure(ksp, prefix) + " or take a smaller step"
 
 
 class Rows(NamedTuple):

@@ -71,7 +71,7 @@ def _furnish(scene, body, parts, comm):
         raise scene.error("body", "no particle", "a body that is not wholly a hole")
     for name in scene.damage.no_fail:
         select_particles(scene, body, parts, comm, name, "damage.no_fail")
-    _cut_cracks(scene, parts, comm)
+    cut_cracks(scene, parts, comm)
     for part in parts:
         part.settle_bonds(body.law)
     for part, conditions in zip(parts, make_conditions(scene, body, parts, comm)):
@@ -81,7 +81,7 @@ def _furnish(scene, body, parts, comm):
         part.find_critical_step(body.law)
 
 
-def _cut_cracks(scene, parts, comm):
+def cut_cracks(scene, parts, comm):
     """Cut the bonds that cross the pre-cracks. Collective."""
     for number, crack in enumerate(scene.crack):
         if crack.type == "polyline":

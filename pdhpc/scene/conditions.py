@@ -48,13 +48,13 @@ def make_conditions(scene, body, parts, comm):
                 mask[np.ix_(each, components)] = True
                 chosen.append(PrescribedMotion(own, components, [load.value[axis] for axis in components], function, load.type))
         else:
-            densities = _force_densities(scene, body, load, parts, selected, comm)
+            densities = force_densities(scene, body, load, parts, selected, comm)
             for density, each, own, chosen in zip(densities, members, slots, loads):
                 chosen.append(BodyForce(own, density[each], function))
     return [Conditions(part.subdomain.particles, body.law.density, *each) for part, each in zip(parts, zip(loads, motions))]
 
 
-def _force_densities(scene, body, load, parts, selected, comm):
+def force_densities(scene, body, load, parts, selected, comm):
     """Return [(n_owned, dim) N/m^3] of a load at f = 1. Collective.
 
     Traction: total force = value times the area A of the region's face with outward normal `face`, spread evenly over its volume V: b = value A / V.

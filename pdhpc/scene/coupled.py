@@ -6,6 +6,7 @@ import numpy as np
 from pdhpc.conditions.loads import PrescribedMotion
 from pdhpc.fem.elements import ELEMENTS
 from pdhpc.fem.mesh import cell_partition, make_box_mesh
+from pdhpc.fem.moduli import isotropic
 from pdhpc.gfem.coupled_step import CoupledStep
 from pdhpc.gfem.lattice_material import LatticeMaterial
 from pdhpc.gfem.loads import ParticleLoad
@@ -16,54 +17,127 @@ from pdhpc.gfem.patches import Patches
 from pdhpc.gfem.pinned import Pinned
 from pdhpc.gfem.points import CellLattice
 from pdhpc.gfem.stable_step import lumped_step
+from pdhpc.observers.enrichment import Enrichment, EnrichmentGuard
 from pdhpc.parallel.comm import largest
 from pdhpc.scene.body import make_body, make_shape
-from pdhpc.scene.build import _cut_cracks, _force_densities, _selected, _time_function
+from pdhpc.scene.build import cut_cracks
+from pdhpc.scene.conditions import force_densities, select_particles, time_function
+from pdhpc.scene.mesh_rules import LARGEST_SHARE
+from pdhpc.scene.methods import ACTIVATION
 from pdhpc.scene.parts import make_part
-from pdhpc.scene.rules import section
+from pdhpc.scene.problem import Problem
+from pdhpc.scene.schema import POISSONS_RATIO
+from pdhpc.scene.sections import section
+from pdhpc.scene.steps import choose_step
 
-_LARGEST_SHARE = 0.8  # of the lumped mesh's critical step: 0.73 was stable, 0.91 was not
 _ACTIVE = 64  # weight of a cell that a pre-crack crosses, in the partition; others count as 1
+_SUB_STEP_SHARE = 0.9  # of the particles' critical step that a sub-step takes at most
 
 
-class CoupledBuild:
-    """The parts of a coupled run on one rank, put together. Collective."""
+def build_coupled(scene, comm):
+    """Return the CoupledProblem of a scene on this rank. Collective.
+
+    Raises
+    ------
+    SceneError, on every rank: as build.build; a global step above 0.8 of the lumped mesh's critical one, sub-steps above the particles'.
+    """
+    parts = CoupledParts(scene, comm)
+    dt, n_steps, warnings = choose_step(scene, parts.critical_dt, LARGEST_SHARE)
+    k = _choose_sub_steps(scene, dt, parts.part.critical_dt)
+    return CoupledProblem(scene, parts, dt, k, n_steps, warnings)
+
+
+def _choose_sub_steps(scene, dt, critical):
+    """Return k; dt/k is at most 0.9 (or time.safety, if that is less) of the particles' critical step when the scene leaves it open."""
+    k, least = scene.gfem.substeps, max(1, math.ceil(dt / (min(scene.safety, _SUB_STEP_SHARE) * critical) * (1 - 1e-12)))
+    if k == "auto":
+        return least
+    if dt / k > critical and not scene.time.allow_unstable:
+        raise scene.error("gfem.substeps", f"{k}, sub-steps of {dt / k:g} s", f'"auto" or at least {math.ceil(dt / critical)}: the particles\' critical step is {critical:.6g} s')
+    return k
+
+
+class CoupledProblem(Problem):
+    """Everything one rank needs to run a coupled scene. k : sub-steps of the particles in a step."""
+
+    def __init__(self, scene, parts, dt, k, n_steps, warnings):
+        self.coupled_parts, self.k = parts, k
+        super().__init__(scene, parts.body, [parts.part], parts.critical_dt, dt, 1, n_steps, warnings, lambda dt: parts.stepper(dt, k))
+
+    def sizes(self, stepper, comm):
+        """Return what run.json says of the body. Collective."""
+        mesh = self.coupled_parts.mesh
+        return {**super().sizes(stepper, comm), "cells": mesh.n_global_cells, "vertices": mesh.n_global_vertices}
+
+    def work(self, stepper, comm, seconds):
+        """Return what run.json says of the work done in `seconds` of stepping, the mean over ranks. Collective."""
+        evaluations = sum(int(comm.allreduce(count)) for count in stepper.bond_evaluations.values())
+        mine = np.array(comm.allgather([stepper.local.particle_steps, stepper.bytes_sent]))
+        return {
+            "bond_evaluations": evaluations,
+            "particle_steps": int(mine[:, 0].sum()),
+            "particle_steps_per_second_and_core": float(mine[:, 0].sum() / (seconds * comm.size)) if seconds > 0 else None,
+            "bytes_sent_per_step": int(mine[:, 1].sum()),
+            "particle_imbalance": float(mine[:, 0].max() / max(mine[:, 0].mean(), 1)),
+        }
+
+    def coupling(self, stepper, comm):
+        """Return the gauge of the enrichment. Collective."""
+        return Enrichment(comm, stepper)
+
+    def guards(self, stepper, comm, steps):
+        """Return the observers that stop a run whose coupling fails. Local."""
+        return [EnrichmentGuard(comm, steps)]
+
+    def coupled(self, stepper, comm, coupling):
+        """Return what run.json says of the coupling. Collective."""
+        return {"scheme": stepper.scheme.name, "sub_steps": self.k, "particle_dt": self.dt / self.k, "particle_critical_dt": self.parts[0].critical_dt,
+                "step_over_critical": self.dt / self.critical_dt, **coupling.summary()}
+
+
+class CoupledParts:
+    """The parts of a coupled run on one rank.
+
+    Attributes
+    ----------
+    body : Body. mesh : Mesh. part : Part, particles of the whole body. lattice : CellLattice. material : LatticeMaterial. solution : MeshSolution.
+    patches : Patches. local : LocalParticles. critical_dt : of the lumped mesh, s.
+    """
 
     def __init__(self, scene, comm):
+        """Put the parts together. Collective."""
         self.scene, self.comm = scene, comm
         self.body = body = make_body(scene)
         lower, upper, counts = _box(scene, body)
         partition = cell_partition(comm, lower, upper, counts, self._weight)
-        self.mesh = make_box_mesh(comm, lower, upper, counts, partition, self._holds_particle)
+        self.mesh = make_box_mesh(comm, lower, upper, counts, partition, self._is_in_a_body)
         self.part = make_part(scene, body, comm, partition)
         subdomain = self.part.subdomain
         self.lattice = CellLattice(self.mesh, subdomain, ELEMENTS[self.mesh.kind], scene.particles.spacing)
         for name in scene.damage.no_fail:
-            _selected(scene, body, [self.part], comm, name, "damage.no_fail")
+            select_particles(scene, body, [self.part], comm, name, "damage.no_fail")
         self.material = LatticeMaterial(self.lattice, subdomain, body.law, self._continuum())
-        _cut_cracks(scene, [self.part], comm)
+        cut_cracks(scene, [self.part], comm)
         self.part.settle_bonds(body.law)
         self.part.find_critical_step(body.law)
-        self.loads, self.motions, barred = self._conditions()
-        self.solution = MeshSolution(self.mesh, self.material, self.loads, self.motions)
+        loads, motions, barred = self._conditions()
+        self.solution = MeshSolution(self.mesh, self.material, loads, motions)
         self.patches = Patches(self.mesh, barred)
         may_not_fail = np.arange(256, dtype=np.uint8)
         for (material, _), block in body.blocks.items():
             may_not_fail[block] = body.blocks[material, False]
-        self.local = LocalParticles(self.lattice, subdomain, body.law, self.part.exchange, may_not_fail, self.loads)
+        self.local = LocalParticles(self.lattice, subdomain, body.law, self.part.exchange, may_not_fail, loads)
         self._set_initial_state()
         self.solution.follow(self.patches, np.zeros(len(self.mesh.points)), self.local.outside)
+        self.solution.begin()
         self.critical_dt = lumped_step(comm, self.solution)
 
     def stepper(self, dt, k):
         """Return the CoupledStep of global steps dt, s, with k sub-steps. Collective."""
         setting, mesh = self.scene.gfem, self.mesh
-        mass = PatchMass(self.comm, mesh, self.material)
-        scheme = Pinned(self.solution, self.local, mass, dt, k)
-        activation = 0.6 if setting.activation is None else setting.activation
-        stepper = CoupledStep(self.comm, self.patches, self.local, self.solution, scheme, activation)
-        chosen = np.ones(mesh.n_owned_cells, bool) if setting.everywhere else self._cracked()
-        self.patches.add(chosen)
+        scheme = Pinned(self.solution, self.local, PatchMass(self.comm, mesh, self.material), dt, k)
+        stepper = CoupledStep(self.comm, self.patches, self.local, self.solution, scheme, ACTIVATION if setting.activation is None else setting.activation)
+        self.patches.add(np.ones(mesh.n_owned_cells, bool) if setting.everywhere else self._cracked())
         stepper.follow()
         return stepper
 
@@ -85,44 +159,41 @@ class CoupledBuild:
                 near |= np.linalg.norm(centres - start - along[:, None] * (end - start), axis=1) < reach
         return np.where(near, _ACTIVE, 1)
 
-    def _holds_particle(self, centres):
-        """Return (n,) bool: cells of the mesh that hold a particle."""
-        h, size = self.scene.particles.spacing, self.scene.mesh.cell_size
-        places = (np.arange(round(size / h)) + 0.5) * h - 0.5 * size
-        inside = np.stack(np.meshgrid(*[places] * centres.shape[1], indexing="ij"), axis=-1).reshape(-1, centres.shape[1])
-        points = (centres[:, None, :] + inside).reshape(-1, centres.shape[1])
-        held = np.zeros(len(points), bool)
+    def _is_in_a_body(self, centres):
+        """Return (n,) bool: cells of the mesh that lie in a body, which are made of whole cells."""
+        held = np.zeros(len(centres), bool)
         for lattice in self.body.lattices:
-            held |= lattice.contains(points)
-        return held.reshape(len(centres), -1).any(axis=1)
+            held |= lattice.contains(centres)
+        return held
 
     def _continuum(self):
         """Return (n_block, 3, 3), Pa, or None where the moduli are the lattice's."""
         if self.scene.moduli != "continuum":
             return None
-        from pdhpc.fem.moduli import isotropic
-        from pdhpc.scene.schema import POISSONS_RATIO
-
-        dimension = self.scene.dimension
-        return np.array([isotropic(self.scene.material[number].youngs_modulus, POISSONS_RATIO[dimension], dimension) for number, _ in self.body.blocks])
+        dimension, materials = self.scene.dimension, self.scene.material
+        return np.array([isotropic(materials[number].youngs_modulus, POISSONS_RATIO[dimension], dimension) for number, _ in self.body.blocks])
 
     def _conditions(self):
         """Return (loads on particles, motions of vertices, (n_cells,) bool cells that may not be enriched). Collective."""
         scene, comm, part = self.scene, self.comm, self.part
         loads, motions, barred = [], [], np.zeros(len(self.mesh.cells), bool)
+        held = np.zeros((self.mesh.n_owned, self.mesh.dim), bool)
         for number, load in enumerate(scene.load):
             key = f"{section('load', number, load)}: region"
             if load.type in ("displacement", "velocity"):
                 vertices = self._vertices(load.region, key)
                 components = [axis for axis, value in enumerate(load.value) if value != "free"]
-                owned = vertices[: self.mesh.n_owned]
-                motions.append(PrescribedMotion(np.flatnonzero(owned), components, [load.value[axis] for axis in components], _time_function(load.time), load.type))
+                chosen = np.ix_(np.flatnonzero(vertices[: self.mesh.n_owned]), components)
+                if comm.allreduce(int(held[chosen].sum())):
+                    raise scene.error(key, f'"{load.region}", where another load prescribes the same component', "regions that do not overlap")
+                held[chosen] = True
+                motions.append(PrescribedMotion(chosen[0].ravel(), components, [load.value[axis] for axis in components], time_function(load.time), load.type))
                 barred |= vertices[self.mesh.cells].any(axis=1)
             else:
-                selected = _selected(scene, self.body, [part], comm, load.region, key)
-                density = _force_densities(scene, self.body, load, [part], selected, comm)[0]
+                selected = select_particles(scene, self.body, [part], comm, load.region, key)
+                density = force_densities(scene, self.body, load, [part], selected, comm)[0]
                 members = np.flatnonzero(selected[0][: part.subdomain.particles.n_owned])
-                loads.append(ParticleLoad(self.lattice, part.subdomain, part.subdomain.particles.slots[members], density[members], _time_function(load.time)))
+                loads.append(ParticleLoad(self.lattice, part.subdomain, part.subdomain.particles.slots[members], density[members], time_function(load.time)))
         return loads, motions, barred
 
     def _vertices(self, name, key):
@@ -159,23 +230,3 @@ def _box(scene, body):
     bounds = np.array([lattice.bounds() for lattice in body.lattices])
     lower, upper = bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
     return lower, upper, np.maximum(1, np.rint((upper - lower) / scene.mesh.cell_size)).astype(np.int64)
-
-
-def choose_steps(scene, critical, particle_critical):
-    """Return (dt, k): the global step and its sub-steps.
-
-    Raises
-    ------
-    SceneError: a global step above 0.8 of the lumped mesh's critical one, or sub-steps above the particles' critical step.
-    """
-    setting = scene.time
-    if setting.dt == "auto":
-        n_steps = max(1, math.ceil(setting.end / (scene.safety * critical)))
-        dt = setting.end / n_steps
-    else:
-        dt = setting.dt
-        if dt > _LARGEST_SHARE * critical and not setting.allow_unstable:
-            raise scene.error("time.dt", f"{dt:g} s, {dt / critical:.3f} of the lumped mesh's critical step {critical:.6g} s", "up to 0.8 of it, unless time.allow_unstable = true")
-    limit = min(setting.safety, 0.9) * particle_critical
-    k = scene.gfem.substeps
-    return dt, max(1, math.ceil(dt / limit * (1 - 1e-12))) if k == "auto" else k

@@ -13,8 +13,10 @@ LAYERS = [  # from the ground up; what stands in one set must not import from an
     {"parallel"},
     {"materials", "geometry", "conditions", "output"},
     {"kernels"},
+    {"mls"},  # asks the bonds of both storages what a point sees, by kernels/family.py
     {"peridynamics", "fem"},
     {"mts"},
+    {"gfem"},
     {"run"},
     {"observers"},
     {"scene"},

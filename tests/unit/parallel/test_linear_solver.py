@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from pdhpc.parallel.linear_solver import Defaults, LinearSolver
+from pdhpc.parallel.linear_solver import AssembledSolver, Defaults, LinearSolver, first_row
 
 MATRIX = np.array([[4.0, 1.0, 0.0], [1.0, 3.0, -1.0], [0.0, -1.0, 2.0]])
 
@@ -27,3 +27,33 @@ def test_failure_is_remembered(comm):
 
 def test_nothing_to_solve(comm):
     assert len(LinearSolver(comm, "test_", Defaults("cg"), 0, lambda x: x, np.empty(0)).solve(np.empty(0))) == 0
+
+
+def assembled(comm, iterations=200):
+    """The solver on MATRIX, filled, with the zeros of its corners left out."""
+    indptr, columns = np.array([0, 2, 5, 7]), np.array([0, 1, 0, 1, 2, 1, 2])
+    solver = AssembledSolver(comm, "rows_", Defaults("cg", 1e-12, iterations), indptr, columns)
+    solver.fill(np.ones(7))
+    solver.fill(MATRIX[np.repeat(np.arange(3), np.diff(indptr)), columns])
+    return solver
+
+
+def test_assembled_rows_are_solved_and_refilled(comm):
+    solver, right = assembled(comm), np.array([1.0, 2.0, 3.0])
+    x = solver.solve(right)
+    assert MATRIX @ x == pytest.approx(right) and solver.iterations == 3 and solver.failure is None
+    assert solver.solve(right, x) == pytest.approx(x) and solver.iterations == 0, "the iteration starts from the guess"
+    scale = 1 / np.sqrt(np.diag(MATRIX))
+    assert solver.condition() == pytest.approx(np.linalg.cond(MATRIX * scale * scale[:, None]), rel=1e-6)
+
+
+def test_assembled_failure_is_remembered(comm):
+    solver = assembled(comm, 1)
+    solver.solve(np.array([1.0, 2.0, 3.0]))
+    assert "rows_ did not converge in 1 iterations" in solver.failure
+
+
+def test_no_rows(comm):
+    solver = AssembledSolver(comm, "rows_", Defaults("cg"), np.zeros(1, int), np.empty(0, int))
+    solver.fill(np.empty(0))
+    assert len(solver.solve(np.empty(0))) == 0 and solver.condition() == 1.0 and first_row(comm, 5) == 0

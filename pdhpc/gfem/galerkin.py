@@ -1,0 +1,101 @@
+"""The Galerkin scheme: what the local run found gives the space, all coefficients are solved for, and functions are enriched only where the run says what they cannot.
+
+    u^{n+1} - u^n in {phi_i, phi_j (U - u^n)},   v^{n+1} in {phi_i, phi_j V},   j chosen of J by component, see enrichment.py
+
+    1. (rho (u^{n+1} - u^n), psi) = (dt rho v^n + I2 + dt^2/2 b, psi) + dt^2/2 r(d^n),      d += the coefficients of phi_i
+    2. (rho v^{n+1}, psi)         = (rho v^n + I1 + dt b, psi) + dt/2 (r(d^n) + r(d^{n+1})),  d' = those of phi_i
+
+for all psi of the space; alpha is 1 on enriched cells, so that elements and their forces r meet standard functions alone. Masses outside enriched cells are lumped.
+"""
+import numpy as np
+
+from pdhpc.gfem.point_state import PointState
+
+
+class Galerkin:
+    """Scheme "galerkin" of a coupled step.
+
+    Attributes
+    ----------
+    mass : EnrichedSpace, of velocities between steps. state : PointState. enriched : [(dim,) functions enriched on this rank] of displacements and velocities.
+    lost : J, kinetic energy that projections of the velocity have lost on this rank.
+    """
+
+    name = "galerkin"
+
+    def __init__(self, solution, local, space, dt, k, tolerance=0.02):
+        """solution : MeshSolution. local : LocalParticles. space : EnrichedSpace. dt, s, of k sub-steps. tolerance : of the patch residual."""
+        self.solution, self.local, self.mass, self.dt, self.k, self.tolerance = solution, local, space, dt, k, tolerance
+        self.state, self.enriched, self.lost = None, [np.zeros(solution.mesh.dim, int)] * 2, 0.0
+        self._everywhere = np.ones(len(solution.mesh.points), bool)
+
+    def weight(self, patches):
+        """Return (n_vertices,), the nodal values of alpha: 1 at all vertices of enriched cells. Collective over neighbours."""
+        mesh = self.solution.mesh
+        weight = patches.touched(patches.enriched).astype(float)
+        bound = mesh.exchange.bind(weight)  # a rank does not know all cells around its ghosts
+        bound.refresh()
+        bound.free()
+        return weight
+
+    def follow(self, patches):
+        """Take in new patches. Collective."""
+        self.mass.update(patches.chosen, self.local.points, self.solution.outside_mass)
+        self.state = PointState(self.local)
+
+    def settle(self):
+        """Take over the particles' state as it is. Local."""
+        self.state.remember()
+
+    def reconstruct(self):
+        """Return (U - u^n, V), (n, dim) each at the points, what displacements and velocities are enriched by. Local."""
+        local, state = self.local, self.state
+        local.add_loads_to_sums(self.k)
+        state.read_run()
+        return state.increment, state.end_velocity
+
+    def solve(self, eta, time):
+        """Find u^{n+1} and v^{n+1} in the spaces of eta. Collective. time : t_n, s."""
+        solution, increment, velocity = self.solution, *eta
+        self._find_displacement(increment, time)
+        before = solution.force.copy()
+        solution.evaluate(time + self.dt)
+        self._find_velocity(velocity, before, time + self.dt)
+        self.state.remember()
+
+    def _find_displacement(self, eta, time):
+        """Step 1."""
+        solution, state, dt = self.solution, self.state, self.dt
+        np.multiply(solution.force, 0.5 * dt * dt, out=solution.right)
+        state.gather_displacement_momentum(dt, solution.mesh.cells, solution.right)
+        found = self._project(eta, dt, 0)
+        solution.steer(time, dt)
+        solution.refresh_change()
+        solution.displacement += solution.change
+        np.add(found.field, state.displacement, out=found.field)
+        state.put(found.field, None)
+        self.local.refresh()
+
+    def _find_velocity(self, eta, before, time):
+        """Step 2; before : the forces of elements at the start of the step."""
+        solution, state, dt = self.solution, self.state, self.dt
+        np.add(before, solution.force, out=solution.right)
+        solution.right *= 0.5 * dt
+        state.gather_velocity_momentum(solution.mesh.cells, solution.right)
+        found = self._project(eta, 1.0, 1)
+        self.lost += self.mass.lost_energy(state.momentum, found)
+        solution.settle_motions(time)
+        solution.refresh_change()
+        state.put(None, found.field)
+        solution.accept_velocity(self._everywhere, dt)
+
+    def _project(self, eta, factor, which):
+        """Return the Solution with the right side `right` + factor m v, m the lumped mass outside; its nodal part in `change`. Collective."""
+        solution, n = self.solution, self.solution.mesh.n_owned
+        solution.gather_right()
+        solution.right[:n] += factor * solution.outside_mass[:n, None] * solution.velocity[:n]
+        self.mass.select(eta, self.tolerance)
+        self.enriched[which] = self.mass.enriched_functions
+        found = self.mass.solve(solution.right, self.state.momentum)
+        solution.change[...] = found.nodes
+        return found

@@ -1,0 +1,55 @@
+"""The enriched space on several ranks gives what it gives on one; ranks without an enriched cell take part."""
+import numpy as np
+import pytest
+
+from pdhpc.gfem.enrichment import EnrichedSpace
+
+NEAR_LEFT_END = lambda x: (np.abs(x[:, 1] - 1.6) < 1.0) & (x[:, 0] < 1.5)  # noqa: E731
+
+
+def run(case, tolerance):
+    """Return {name: {global id: value}} of what the space selects and solves."""
+    mesh, points = case.mesh, case.points
+    space = EnrichedSpace(mesh)
+    space.update(case.inside, points, case.lumped)
+    space.select(case.eta, tolerance)
+    momentum = points.mass[:, None] * np.sin(3.0 * case.position + [0.0, 1.0])
+    right = np.zeros((len(mesh.points), 2))
+    corners = mesh.cells[np.repeat(points.cell, np.diff(points.start))]
+    np.add.at(right, corners, points.shape[:, :, None] * momentum[:, None])
+    bound = mesh.exchange.bind(right)
+    bound.accumulate()
+    bound.free()
+    solution = space.solve(right + case.lumped[:, None] * np.cos(mesh.points), momentum)
+    assert space.failure is None
+    at_points = zip(map(tuple, np.round(case.position, 9)), solution.field)
+    at_vertices = {name: dict(zip(mesh.vertex_id.tolist(), values)) for name, values in (("nodes", solution.nodes), ("selected", space.selected))}
+    owned = {name: dict(zip(mesh.vertex_id[: mesh.n_owned].tolist(), values)) for name, values in (("mean", space.mean), ("residual", space.residual))}
+    return {"field": dict(at_points), **at_vertices, **owned}, space.condition(), space.enriched_functions
+
+
+@pytest.mark.mpi(min_size=2)
+@pytest.mark.parametrize("where", [None, NEAR_LEFT_END], ids=["across ranks", "on some ranks"])
+def test_same_on_any_number_of_ranks(comm, cracked_box, where):
+    from mpi4py import MPI
+
+    counts = (9, 4)
+    case = cracked_box(comm, counts, inside=where)
+    found, condition, functions = run(case, 0.02)
+    alone, condition_alone, functions_alone = run(cracked_box(MPI.COMM_SELF, counts, inside=where), 0.02)
+    for name, values in found.items():
+        tolerance = {"mean": 0.0, "selected": 0.0, "residual": 1e-12}.get(name, 1e-10)
+        for key, value in values.items():
+            assert np.abs(np.subtract(value, alone[name][key], dtype=float)).max() <= tolerance, (name, key)
+    assert condition == pytest.approx(condition_alone, rel=0.05)
+    assert comm.allreduce(functions).tolist() == functions_alone.tolist() and functions_alone.min() > 0
+    without = comm.allreduce(int(len(case.points.cell) == 0))
+    assert without > 0 if where is NEAR_LEFT_END else comm.allreduce(len(found["field"])) == len(alone["field"])
+
+
+@pytest.mark.mpi(min_size=2)
+def test_nothing_enriched_anywhere(comm, cracked_box):
+    case = cracked_box(comm, inside=lambda x: np.zeros(len(x), bool))
+    found, condition, functions = run(case, 0.02)
+    assert condition == 1.0 and functions.sum() == 0
+    assert all(np.abs(value - np.cos(case.mesh.points[row])).max() < 1e-14 for row, value in enumerate(found["nodes"].values()))
