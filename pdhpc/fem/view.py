@@ -67,14 +67,24 @@ class MeshView:
         return (mesh.points, mesh.cells, self._corner_gradient, displacement, tuple(nodes.stars)), np.empty((self.n, self.dim, self.dim))
 
     def _strain(self):
+        if self._body.basis.functions > 1:
+            return self._slopes()
         arguments, result = self._recovery()
         recover_strain(*arguments, result)
         return result
 
     def _stress(self):
+        if self._body.basis.functions > 1:
+            return np.einsum("nabcd,ncd->nab", self._body.tensors[self.block], self._slopes())
         arguments, result = self._recovery()
         recover_stress(*arguments, np.ascontiguousarray(self._body.tensors), self._body.kind, result)
         return result
+
+    def _slopes(self):
+        """Return (n, dim, dim), strains of a flat-top basis, which carries the slopes h_k du_a/dx_k at vertices itself."""
+        unknowns = self._nodes.owned(self._nodes.displacement).reshape(self.n, -1, self.dim)
+        gradient = (unknowns[:, 1:, :] / np.asarray(self._mesh.cell_size)[:, None]).transpose(0, 2, 1)
+        return 0.5 * (gradient + gradient.transpose(0, 2, 1))
 
     def first_not_finite(self):
         """Return (id, place) of the first vertex whose displacement is NaN or infinite, None without any. Local."""

@@ -105,11 +105,12 @@ def build_elastic(scene, comm):
     _check_probes(scene, body.mesh, comm)
     elasticity = checked_locally(scene, comm, _make_elasticity, scene, body)
     nodes = Nodes(body.mesh) if explicit else Nodes(body.mesh, False, elasticity.width)
-    nodes.set_mass(checked_locally(scene, comm, elasticity.lumped_mass, nodes.stars))
+    if explicit:
+        nodes.set_mass(checked_locally(scene, comm, elasticity.lumped_mass, nodes.stars))
     sets = MeshSets(scene, body, comm)
     loads, motions = make_loads(scene, sets, elasticity, nodes)
     conditions = NodalConditions(nodes, loads, motions)
-    set_initial_state(scene, sets, nodes)
+    set_initial_state(scene, sets, elasticity, nodes)
     if explicit:
         critical, make_stepper = _explicit(elasticity, nodes, conditions)
         step = choose_step(scene, critical)
@@ -133,7 +134,7 @@ def _basis(scene, mesh):
         return None
     from pdhpc.fem.flat_top import FlatTop
 
-    return FlatTop(mesh.kind, mesh.cell_size)
+    return FlatTop(mesh.kind)
 
 
 def _explicit(elasticity, nodes, conditions):

@@ -80,6 +80,17 @@ class MeshSets:
         self._hold(len(facets) > 0, name, key, "facet" if face is None else f"facet with the outward normal {face}")
         return facets, cell
 
+    def facets_between(self, members):
+        """Return (n, facet corners), the facets on the surface, of owned cells, whose vertices are all among the owned vertices `members` of some rank. Collective."""
+        mesh = self.mesh
+        marks = np.zeros((len(mesh.points), 1))
+        marks[members] = 1.0
+        bound = mesh.exchange.bind(marks)
+        bound.refresh()
+        bound.free()
+        facets, _ = mesh.boundary()
+        return facets[(marks[facets, 0] > 0.0).all(axis=1)]
+
     def _region(self, name):
         """Return the table of a region, None for "all"."""
         return None if name == "all" else next(each for each in self.scene.region if each.name == name)
@@ -148,13 +159,27 @@ def make_loads(scene, sets, elasticity, nodes):
             if sets.comm.allreduce(int(held[np.ix_(members, components)].sum())):
                 raise scene.error(key, f'"{load.region}", where another load prescribes the same component of a vertex', "regions without common vertices")
             held[np.ix_(members, components)] = True
-            values = [load.value[axis] for axis in components]
-            motions.append(PrescribedMotion(nodes.owned_slots[members], components, values, function, load.type))
+            motions += _motions(load, components, function, members, sets, elasticity, nodes)
         else:
             forces = _nodal_forces(load, sets, elasticity, nodes, key)
             loaded = np.flatnonzero(forces.any(axis=1))
             loads.append(BodyForce(nodes.owned_slots[loaded], forces[loaded], function))
     return loads, motions
+
+
+def _motions(load, components, function, members, sets, elasticity, nodes):
+    """Return [PrescribedMotion] of the owned vertices `members`; slopes of a flat-top basis are held along facets between them too. Collective."""
+    values = [load.value[axis] for axis in components]
+    if elasticity.basis.functions == 1:
+        return [PrescribedMotion(nodes.owned_slots[members], components, values, function, load.type)]
+    from pdhpc.fem.supports import Given, prescribe_on_facets
+
+    facets = sets.facets_between(members)
+    given = np.zeros(sets.mesh.dim)
+    given[components] = values
+    motions = prescribe_on_facets(elasticity, nodes, facets, components, Given(given, function), load.type)
+    rest = nodes.owned_slots[members][~np.isin(nodes.owned_slots[members], np.concatenate([motion.indices for motion in motions] or [[]]))]
+    return motions + [PrescribedMotion(rest, components, values, function, load.type)]
 
 
 def _nodal_forces(load, sets, elasticity, nodes, key):
@@ -168,18 +193,17 @@ def _nodal_forces(load, sets, elasticity, nodes, key):
     return body_loads(elasticity, nodes.stars, shares[:, None] * value)
 
 
-def set_initial_state(scene, sets, nodes):
+def set_initial_state(scene, sets, elasticity, nodes):
     """Set initial displacements and velocities of owned vertices: u = u0 + G (x - origin). Collective."""
     for number, initial in enumerate(scene.initial):
         members = np.flatnonzero(sets.vertices(initial.region, f"initial[{number}]: region"))
         slots = nodes.owned_slots[members]
-        origin = initial.origin if initial.origin is not None else [0.0] * scene.dim
-        offset = sets.mesh.points[members] - np.asarray(origin)
+        offset = sets.mesh.points[members] - np.asarray(initial.origin if initial.origin is not None else [0.0] * scene.dim)
         for target, constant, gradient in (
             (nodes.displacement, initial.displacement, initial.displacement_gradient),
             (nodes.velocity, initial.velocity, initial.velocity_gradient),
         ):
-            if constant is not None:
-                target[slots, : scene.dim] += np.asarray(constant)
-            if gradient is not None:
-                target[slots, : scene.dim] += offset @ np.asarray(gradient).T
+            matrix = np.zeros((scene.dim, scene.dim)) if gradient is None else np.asarray(gradient, float)
+            values = offset @ matrix.T + (0.0 if constant is None else np.asarray(constant))
+            gradients = np.broadcast_to(matrix, (len(members), scene.dim, scene.dim))
+            target[slots] += elasticity.basis.interpolated(sets.mesh, values, gradients).reshape(len(members), -1)
