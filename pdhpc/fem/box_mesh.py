@@ -87,7 +87,7 @@ def cell_partition(comm, lower, upper, counts, weight=None):
 def take_box_share(box, partition, rank, keep=None):
     """Return the Share of a rank: its own cells and those that share a vertex with one of them. Local.
 
-    Whether a vertex two layers away is another's depends on cells three layers away at most, so only these are looked at.
+    Who owns their vertices depends on cells two layers away at most, so only these are looked at.
 
     Parameters
     ----------

@@ -3,11 +3,13 @@ import numpy as np
 
 from pdhpc.fem.box_mesh import Box, cell_partition, take_box_share
 from pdhpc.fem.facets import DIM, FACETS, find_outer_facets, find_stars
+from pdhpc.fem.mesh_file import read_file
+from pdhpc.fem.migrate import migrate
 from pdhpc.fem.plex import build_plex
 from pdhpc.parallel.comm import agree_on_error
 from pdhpc.parallel.ghosts import GhostExchange
 
-__all__ = ["Mesh", "cell_partition", "make_box_mesh"]
+__all__ = ["Mesh", "cell_partition", "make_box_mesh", "read_mesh"]
 
 
 class Mesh:
@@ -84,3 +86,19 @@ def make_box_mesh(comm, lower, upper, counts, partition, keep=None):
     if mesh.n_global_cells == 0:
         raise ValueError("the mesh has no cell: all cells of the box are left out")
     return mesh
+
+
+def read_mesh(comm, path):
+    """Return the Mesh of a file that meshio can read, of one kind of cell. Collective.
+
+    Rank 0 reads it all; DMPlex then carries cells and what belongs to them to ranks of nearly equal numbers of cells. Ids of cells count them in the file's
+    order, ids of vertices are the places of the file's points.
+
+    Raises
+    ------
+    ValueError, on every rank: as mesh_file.read_file.
+    """
+    whole = None
+    with agree_on_error(comm):
+        whole = read_file(path) if comm.rank == 0 else None
+    return Mesh(comm, *migrate(comm, whole))

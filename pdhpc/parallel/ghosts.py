@@ -1,4 +1,6 @@
 """Ghost exchange: who sends which particles to whom, set up once, used every step."""
+from copy import copy
+
 import numpy as np
 
 from pdhpc.jit import kernel
@@ -42,6 +44,13 @@ class GhostExchange:
         for request in requests:
             request.Wait()
         return targets
+
+    def restricted(self, keep):
+        """Return the exchange of the particles that keep (n_slots,) bool marks; owners and holders of ghosts must agree on it. Local."""
+        other = copy(self)
+        other.sources = [(rank, slots[keep[slots]]) for rank, slots in self.sources if keep[slots].any()]
+        other.targets = [(rank, slots[keep[slots]]) for rank, slots in self.targets if keep[slots].any()]
+        return other
 
     @property
     def sent(self):

@@ -18,7 +18,7 @@ from pdhpc.peridynamics.velocity_verlet import VelocityVerlet
 from pdhpc.scene.body import Body, make_body, select
 from pdhpc.scene.parts import Part, make_part, partition_of
 from pdhpc.scene.regions import Regions, make_regions
-from pdhpc.scene.rules import section
+from pdhpc.scene.sections import section
 
 _PIECE = 1 << 18  # particles that a region is tested on at once: bounds the temporary memory
 

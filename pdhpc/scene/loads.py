@@ -101,15 +101,16 @@ class TractionLoad(_Load):
     """Force per area of a face of a region."""
 
     type: Literal["traction"] = key(
-        "force per area, spread evenly over the region's volume", "", "b = value f(t) A/V, A the area of the face, V the region's volume")
-    region: Name = key("region it acts on: the layer of particles below the face")
-    face: Literal["+x", "-x", "+y", "-y", "+z", "-z"] = key("outward normal of the loaded face")
+        "force per area: of the facets of cells, or spread evenly over the volume of a region of particles", "",
+        "particles: b = value f(t) A/V, A the area of the face, V the region's volume")
+    region: Name = key("region it acts on: the layer of particles below the face, or what holds the facets")
+    face: Optional[Literal["+x", "-x", "+y", "-y", "+z", "-z"]] = key("outward normal of the loaded face; all facets of a physical group without", default=None)
     value: Vector = key("components", "Pa")
 
     def check(self, dim):
         """Raise a Rule for a z face in 2D too."""
         super().check(dim)
-        if dim == 2 and self.face[1] == "z":
+        if dim == 2 and self.face is not None and self.face[1] == "z":
             raise Rule("face", f'"{self.face}"', '"+x", "-x", "+y" or "-y" in 2D')
 
 

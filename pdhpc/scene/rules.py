@@ -1,8 +1,9 @@
 """Rules between the keys of a scene that types alone cannot hold; each broken one raises a Rule with section, key, finding and what is allowed."""
+from pdhpc.scene import mesh_rules
 from pdhpc.scene.fields import Rule, check_direction, check_vector
 from pdhpc.scene.overlap import distance, meet, overlap, reaches
 from pdhpc.scene.schema import COMPONENTS, KIND, POISSONS_RATIO
-from pdhpc.scene.sentences import listed, nearest
+from pdhpc.scene.sections import named, reference, section, within
 
 _WHOLE = 1e-6  # of a spacing: how closely a box must hold a whole number of cells, and bodies may overlap
 _MOST_CELLS = 2**53
@@ -13,9 +14,14 @@ _FARTHEST = 1e9  # spacings from the origin up to which doubles resolve the latt
 
 def check(scene):
     """Raise a Rule for the first rule that the scene breaks."""
-    _check_particles(scene)
+    mesh_rules.check_model(scene)
+    if scene.uses_lattice:
+        _check_particles(scene)
     _check_materials(scene)
-    _check_bodies(scene)
+    if scene.from_file:
+        named(scene.body, "body")
+    else:
+        _check_bodies(scene)
     _check_regions(scene)
     _check_cracks(scene)
     _check_loads(scene)
@@ -26,47 +32,16 @@ def check(scene):
     _check_curves_and_tips(scene)
 
 
-def section(name, number, table):
-    """Return how a table of a list is called: load 'pull', or load[2] without a name."""
-    label = getattr(table, "name", None)
-    return f"{name} '{label}'" if label else f"{name}[{number}]"
-
-
-def _within(where, action, *arguments):
-    """Call a check and put the section before the key of the Rule it raises."""
-    try:
-        action(*arguments)
-    except Rule as rule:
-        raise Rule(f"{where}: {rule.key}", rule.found, rule.allowed) from None
-
-
-def _named(tables, name):
-    """Raise a Rule when two tables share a name."""
-    seen = {}
-    for number, table in enumerate(tables):
-        if table.name is not None and table.name in seen:
-            raise Rule(f"{name}[{number}]: name", f'"{table.name}", which {name}[{seen[table.name]}] has too', f"a name that no other {name} has")
-        seen[table.name] = number
-
-
-def _reference(key, name, names, what):
-    """Raise a Rule unless `name` is one of `names`."""
-    if name not in names:
-        raise Rule(key, f'"{name}"', f"the name of a {what} ({listed(sorted(names)) or 'none is defined'}){nearest(name, names)}")
-
-
 def _check_particles(scene):
     setting = scene.particles
     if setting.horizon < 2 * setting.spacing * (1 - 1e-9):
         raise Rule("particles.horizon", setting.horizon, f"at least 2 spacings, {2 * setting.spacing:g} m")
     if setting.horizon > 100 * setting.spacing:
         raise Rule("particles.horizon", setting.horizon, f"at most 100 spacings, {100 * setting.spacing:g} m")
-    if scene.dim == 3 and setting.thickness is not None:
-        raise Rule("particles.thickness", setting.thickness, "no thickness in 3D")
 
 
 def _check_materials(scene):
-    _named(scene.material, "material")
+    named(scene.material, "material")
     used = {body.material for body in scene.body}
     expected = POISSONS_RATIO[scene.dimension]
     for number, material in enumerate(scene.material):
@@ -75,11 +50,12 @@ def _check_materials(scene):
             first = scene.material[0]
             raise Rule(f"{where}: model", f'"{material.model}"', f'"{first.model}", the model of material \'{first.name}\': all materials of a scene share one')
         (_check_bond_based if material.model == "pmb" else _check_linear_solid)(scene, where, material, expected)
+        mesh_rules.check_material(scene, where, material)
         if material.energy_release_rate is not None and material.critical_stretch is not None:
             raise Rule(f"{where}: critical_stretch", f"{material.critical_stretch} beside energy_release_rate", "one of the two, not both")
     names = [material.name for material in scene.material]
     for number, body in enumerate(scene.body):
-        _reference(f"{section('body', number, body)}: material", body.material, names, "material")
+        reference(f"{section('body', number, body)}: material", body.material, names, "material")
     for name in names:
         if name not in used:
             raise Rule(f"material '{name}': name", f'"{name}", which no body uses', "a material that a body uses")
@@ -104,21 +80,21 @@ def _check_linear_solid(scene, where, material, expected):
         missing = next(iter([key for pair in pairs if set(given) & set(pair) for key in pair if key not in given]), "youngs_modulus")
         found = f"nothing beside {' and '.join(given)}" if len(given) == 1 else ("nothing" if not given else f"a value beside {' and '.join(given)}")
         key = missing if len(given) < 2 else given[-1]
-        raise Rule(f"{where}: {key}", found, 'youngs_modulus and poissons_ratio, or bulk_modulus and shear_modulus, for model = "lps"')
+        raise Rule(f"{where}: {key}", found, f'youngs_modulus and poissons_ratio, or bulk_modulus and shear_modulus, for model = "{material.model}"')
     if material.poissons_ratio is not None and not -1 < material.poissons_ratio < 0.5:
         raise Rule(f"{where}: poissons_ratio", material.poissons_ratio, "a number above -1 and below 0.5")
 
 
 def _check_bodies(scene):
-    _named(scene.body, "body")
-    spacing, cells = scene.particles.spacing, 0
+    named(scene.body, "body")
+    spacing, cells = scene.pitch, 0
     for number, body in enumerate(scene.body):
         where = section("body", number, body)
-        _within(where, body.check, scene.dim)
-        _within(where, _check_cells, body, spacing)
+        within(where, body.check, scene.dim)
+        within(where, _check_cells, body, spacing, "spacings" if scene.uses_lattice else "cells")
         cells += _cells(body, spacing)
         if cells > _MOST_CELLS:
-            raise Rule("particles.spacing", spacing, f"a spacing that fills the bodies with fewer than 2^53 particles (here about {cells:.3g})")
+            raise Rule("particles.spacing" if scene.uses_lattice else "mesh.cell_size", spacing, f"a length that fills the bodies with fewer than 2^53 cells (here about {cells:.3g})")
         _check_holes(where, body, scene.dim)
         for other in scene.body[:number]:
             if overlap(body, other, _WHOLE * spacing):
@@ -126,17 +102,17 @@ def _check_bodies(scene):
                 raise Rule(f"{where}: {key}", getattr(body, key), f"a body that does not overlap body '{other.name}' (touching is fine, and lying in its hole)")
 
 
-def _check_cells(body, spacing):
-    """Raise a Rule unless the lattice fits the body: a box holds whole cells, and doubles resolve the coordinates."""
+def _check_cells(body, spacing, what):
+    """Raise a Rule unless the lattice (or the mesh) fits the body: a box holds whole cells, and doubles resolve the coordinates."""
     lower, upper = body.bounding_box()
     farthest = max(abs(x) for x in lower + upper)
     if farthest > _FARTHEST * spacing:
-        raise Rule("shape", f'"{body.shape}" that reaches to {farthest:g} m', f"coordinates within 1e9 spacings ({_FARTHEST * spacing:g} m) of the origin")
+        raise Rule("shape", f'"{body.shape}" that reaches to {farthest:g} m', f"coordinates within 1e9 {what} ({_FARTHEST * spacing:g} m) of the origin")
     for axis, low, high in zip("xyz", lower, upper):
         count = max(1, round((high - low) / spacing))
         if body.shape == "box" and abs(high - low - count * spacing) > _WHOLE * spacing + 1e-15 * farthest:
             size = f"{axis} side ({high - low:.10g} m)"
-            raise Rule("upper", body.upper, f"a box whose {size} is a whole number of spacings; the nearest is {count * spacing:.10g} m")
+            raise Rule("upper", body.upper, f"a box whose {size} is a whole number of {what}; the nearest is {count * spacing:.10g} m")
 
 
 def _cells(body, spacing):
@@ -149,23 +125,23 @@ def _cells(body, spacing):
 
 def _check_holes(where, body, dim):
     for number, hole in enumerate(body.hole):
-        _within(f"{where}: hole[{number}]", hole.check, dim)
+        within(f"{where}: hole[{number}]", hole.check, dim)
         if not reaches(hole, body.bounding_box()):
             raise Rule(f"{where}: hole[{number}]: shape", f'"{hole.shape}" outside the body', "a hole that meets its body")
 
 
 def _check_regions(scene):
-    _named(scene.region, "region")
+    named(scene.region, "region")
     bodies = {body.name: body.bounding_box() for body in scene.body}
     for number, region in enumerate(scene.region):
         where = section("region", number, region)
         if region.name == "all":
             raise Rule(f"{where}: name", '"all"', "another name: all is built in and holds every particle")
-        _within(where, region.check, scene.dim)
+        within(where, region.check, scene.dim)
         if region.body is not None:
-            _reference(f"{where}: body", region.body, bodies, "body")
+            reference(f"{where}: body", region.body, bodies, "body")
         boxes = bodies.values() if region.body is None else [bodies[region.body]]
-        if not any(reaches(region, box) for box in boxes):
+        if not scene.from_file and not any(reaches(region, box) for box in boxes):
             outside = "every body" if region.body is None else f"body '{region.body}'"
             raise Rule(f"{where}: shape", f'"{region.shape}" outside {outside}, which selects no particle', "a region that holds at least one particle")
     _check_uses_of_regions(scene)
@@ -176,13 +152,13 @@ def _check_uses_of_regions(scene):
     groups = (("load", scene.load), ("initial", scene.initial), ("probe", scene.probe), ("tip", scene.tip))
     names, used = [region.name for region in scene.region] + ["all"], set(scene.damage.no_fail)
     for number, name in enumerate(scene.damage.no_fail):
-        _reference(f"damage.no_fail[{number}]", name, names, "region")
+        reference(f"damage.no_fail[{number}]", name, names, "region")
         if name in scene.damage.no_fail[:number]:
             raise Rule(f"damage.no_fail[{number}]", f'"{name}" again', "each region once")
     for group, tables in groups:
         for number, table in enumerate(tables):
             if table.region is not None:
-                _reference(f"{section(group, number, table)}: region", table.region, names, "region")
+                reference(f"{section(group, number, table)}: region", table.region, names, "region")
                 used.add(table.region)
     for region in scene.region:
         if region.name not in used:
@@ -191,21 +167,21 @@ def _check_uses_of_regions(scene):
 
 
 def _check_cracks(scene):
-    _named(scene.crack, "crack")
+    named(scene.crack, "crack")
     for number, crack in enumerate(scene.crack):
         where = section("crack", number, crack)
-        _within(where, crack.check, scene.dim)
+        within(where, crack.check, scene.dim)
         if not any(meet(crack.bounding_box(), body.bounding_box()) for body in scene.body):
             key = {"polyline": "points", "rectangle": "corner", "disk": "center"}[crack.type]
             raise Rule(f"{where}: {key}", "a crack outside every body", "a crack that crosses a body")
 
 
 def _check_loads(scene):
-    _named(scene.load, "load")
+    named(scene.load, "load")
     held = {}
     for number, load in enumerate(scene.load):
         where = section("load", number, load)
-        _within(where, load.check, scene.dim)
+        within(where, load.check, scene.dim)
         if load.type in ("displacement", "velocity"):
             for axis, value in enumerate(load.value):
                 if value == "free":
@@ -214,7 +190,7 @@ def _check_loads(scene):
                     raise Rule(f"{where}: value", load.value, f'"free" in {"xyz"[axis]}, which {held[load.region, axis]} prescribes on the same region')
                 held[load.region, axis] = where
     for number, initial in enumerate(scene.initial):
-        _within(f"initial[{number}]", initial.check, scene.dim)
+        within(f"initial[{number}]", initial.check, scene.dim)
 
 
 def _check_time(scene):
@@ -229,7 +205,7 @@ def _check_fine(scene):
         if method not in ("auto", "single"):
             raise Rule("time.method", f'"{method}" without a fine region', '"auto" or "single", or a table [fine]')
         return
-    _within("fine", fine.check, scene.dim)
+    within("fine", fine.check, scene.dim)
     if not any(reaches(fine, body.bounding_box()) for body in scene.body):
         raise Rule("fine: shape", f'"{fine.shape}" outside every body', "a fine region that holds at least one particle")
     least = 2 if scene.material[0].model == "lps" else 1
@@ -262,7 +238,7 @@ def _check_output(scene):
 
 
 def _check_probes(scene):
-    _named(scene.probe, "probe")
+    named(scene.probe, "probe")
     for number, probe in enumerate(scene.probe):
         where = section("probe", number, probe)
         if (probe.point is None) == (probe.region is None):
@@ -271,23 +247,24 @@ def _check_probes(scene):
         if probe.quantity == "reaction" and probe.region is None:
             raise Rule(f"{where}: quantity", '"reaction" at a point', "a reaction over a region, or another quantity")
         if probe.point is not None:
-            _within(where, check_vector, "point", probe.point, scene.dim)
-            if min(distance(probe.point, body.bounding_box()) for body in scene.body) > scene.particles.horizon:
-                raise Rule(f"{where}: point", probe.point, "a point in a body, or within a horizon of one")
+            within(where, check_vector, "point", probe.point, scene.dim)
+            reach, words = (scene.particles.horizon, "horizon") if scene.uses_lattice else (scene.mesh.cell_size, "cell")
+            if not scene.from_file and min(distance(probe.point, body.bounding_box()) for body in scene.body) > reach:
+                raise Rule(f"{where}: point", probe.point, f"a point in a body, or within a {words} of one")
 
 
 def _check_curves_and_tips(scene):
-    _named(scene.curve, "curve")
-    _named(scene.tip, "tip")
+    named(scene.curve, "curve")
+    named(scene.tip, "tip")
     probes = {probe.name for probe in scene.probe}
     columns = [f"{probe.name}.{probe.quantity}{end}" for probe in scene.probe for end in COMPONENTS[scene.dim][KIND[probe.quantity]]]
     for number, curve in enumerate(scene.curve):
         for name in ("x", "y"):
-            _reference(f"{section('curve', number, curve)}: {name}", getattr(curve, name), columns, "probe's component")
+            reference(f"{section('curve', number, curve)}: {name}", getattr(curve, name), columns, "probe's component")
     for number, tip in enumerate(scene.tip):
         where = section("tip", number, tip)
         if tip.name in probes:
             raise Rule(f"{where}: name", f'"{tip.name}", which a probe has', "a name that no probe has")
-        _within(where, check_direction, "direction", tip.direction, scene.dim)
+        within(where, check_direction, "direction", tip.direction, scene.dim)
         if tip.window > scene.time.end and "window" in tip.model_fields_set:
             raise Rule(f"{where}: window", tip.window, f"at most time.end = {scene.time.end:g} s")

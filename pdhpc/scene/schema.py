@@ -1,14 +1,17 @@
 """The scene: every key with its meaning, unit and source. The rules between keys stand in rules.py."""
 from typing import Annotated, List, Literal, Optional
 
-from pydantic import PrivateAttr
+from pydantic import PrivateAttr, model_validator
 
+from pdhpc.scene.cracks import Crack
 from pdhpc.scene.fields import (
     AutoOrPositive, Filled, Flag, Fraction, Listed, Name, Names, Number, Numbers, Positive, Share, Table, Text, Vector, Whole, key, show,
 )
 from pdhpc.scene.loads import Initial, Load
-from pdhpc.scene.shapes import Body, Crack, Fine, Region
+from pdhpc.scene.methods import ACTIVATION, TOLERANCE, Fem, Gfem, Mesh
+from pdhpc.scene.shapes import Body, Fine, Region
 
+GFEM_SAFETY = 0.75  # share of the critical step of the lumped mesh that model = "gfem" takes
 FRAMES = 20  # frames when the scene does not say when
 POISSONS_RATIO = {"plane_stress": 1 / 3, "plane_strain": 1 / 4, "3d": 1 / 4}
 COMPONENTS = {
@@ -42,16 +45,16 @@ class Material(Table):
     """A material; several may share a scene."""
 
     name: Name = key("name of the material")
-    model: Literal["pmb", "lps"] = key(
-        "pmb: bond-based prototype microelastic brittle material; lps: state-based linear peridynamic solid, of any Poisson's ratio", "",
-        "Silling 2000; Silling & Askari 2005; Silling et al. 2007; Le, Chan & Schwartz 2014", default="pmb")
+    model: Literal["pmb", "lps", "elastic"] = key(
+        "pmb: bond-based prototype microelastic brittle material; lps: state-based linear peridynamic solid, of any Poisson's ratio; elastic: Hooke's law, for "
+        "finite elements alone", "", "Silling 2000; Silling & Askari 2005; Silling et al. 2007; Le, Chan & Schwartz 2014", default="pmb")
     density: Positive = key("mass density", "kg/m^3")
     youngs_modulus: Optional[Positive] = key(
         "Young's modulus E", "Pa", "pmb: c = 12 E/(pi delta^4) in 3D, 9 E/(pi t delta^3) in plane stress, 48 E/(5 pi t delta^3) in plane strain", default=None)
     poissons_ratio: Optional[Number] = key(
         "Poisson's ratio, -1 to 1/2; fixed by pmb: 1/4 in 3D and plane strain, 1/3 in plane stress", "1", "Silling 2000", default=None)
-    bulk_modulus: Optional[Positive] = key("bulk modulus K (of 3D) of lps, in the place of E and nu", "Pa", "K = E/(3 (1 - 2 nu))", default=None)
-    shear_modulus: Optional[Positive] = key("shear modulus G of lps, in the place of E and nu", "Pa", "G = E/(2 (1 + nu))", default=None)
+    bulk_modulus: Optional[Positive] = key("bulk modulus K (of 3D) of lps and elastic, in the place of E and nu", "Pa", "K = E/(3 (1 - 2 nu))", default=None)
+    shear_modulus: Optional[Positive] = key("shear modulus G of lps and elastic, in the place of E and nu", "Pa", "G = E/(2 (1 + nu))", default=None)
     energy_release_rate: Optional[Positive] = key(
         "energy G per crack area; sets the critical stretch", "J/m^2",
         "pmb: s0 = sqrt(5 G/(6 E delta)) in 3D, sqrt(4 pi G/(9 E delta)) in plane stress, sqrt(5 pi G/(12 E delta)) in plane strain, constant influence; "
@@ -72,7 +75,7 @@ class TimeSpan(Table):
     dt: AutoOrPositive = key(
         'time step, with a fine region that of the rest; "auto": safety times the critical step', "s",
         "dt_c = sqrt(2 min rho/|A|), A = sum c omega beta V/|xi| e (x) e (bound on the assembled bonds)", default="auto")
-    safety: Share = key("share of the critical step that auto takes, at most 1", "1", default=0.9)
+    safety: Share = key('share of the critical step that auto takes, at most 1; with model = "gfem" 0.75 by default and at most 0.8', "1", default=0.9)
     method: Literal["auto", "single", "mts", "subcycling", "micro"] = key(
         "single: one step for the whole body; mts: the fine region at its own step, coupled by multipliers; for comparison subcycling: at its own step, with "
         "ghosts in between interpolated, and micro: multipliers at each of its steps; auto: mts with a fine region, single without", "",
@@ -132,9 +135,14 @@ class Scene(Table):
     """A scene: what is simulated. SI units throughout."""
 
     title: Text = key("title of the run", default="")
-    model: Literal["particles"] = key("method", default="particles")
+    model: Literal["particles", "fem", "gfem"] = key(
+        "particles: peridynamics; fem: linear elasticity by finite elements; gfem: finite elements, enriched by local particles where the material fails",
+        default="particles")
     dimension: Literal["plane_stress", "plane_strain", "3d"] = key("dimension of the body")
-    particles: Particles = key("discretisation")
+    particles: Optional[Particles] = key("particles; finite elements alone need none, unless fem.moduli = \"lattice\"", default=None)
+    mesh: Optional[Mesh] = key("mesh of the finite elements", default=None)
+    fem: Optional[Fem] = key("finite elements", default=None)
+    gfem: Optional[Gfem] = key("finite elements enriched by local particles", default=None)
     material: Annotated[List[Material], Filled] = key("materials")
     body: Annotated[List[Body], Filled] = key("bodies")
     region: Annotated[List[Region], Listed] = key("named sets of particles", default=[])
@@ -150,6 +158,43 @@ class Scene(Table):
     tip: Annotated[List[Tip], Listed] = key("crack tips to follow", default=[])
     _source: str = PrivateAttr(default="scene")
 
+    @model_validator(mode="before")
+    @classmethod
+    def _open_sections(cls, data):
+        """Give a scene with finite elements the tables [fem] and [gfem] of its model, where it leaves them out."""
+        needed = {"fem": ("fem",), "gfem": ("fem", "gfem")}.get(data.get("model")) if isinstance(data, dict) and isinstance(data.get("model"), str) else None
+        return {**{name: {} for name in needed}, **data} if needed else data
+
+    @property
+    def uses_mesh(self):
+        """Whether finite elements take part."""
+        return self.model != "particles"
+
+    @property
+    def uses_lattice(self):
+        """Whether the lattice of particles takes part, if only through its moduli."""
+        return self.model != "fem" or self.moduli == "lattice"
+
+    @property
+    def from_file(self):
+        """Whether the bodies are those of a mesh from a file."""
+        return self.uses_mesh and self.mesh.file is not None
+
+    @property
+    def pitch(self):
+        """Side of the cells that fill the bodies, m: of the lattice, or of the mesh alone."""
+        return self.particles.spacing if self.uses_lattice else self.mesh.cell_size
+
+    @property
+    def moduli(self):
+        """What the finite elements' moduli are: "continuum" or "lattice"."""
+        return self.fem.moduli or ("lattice" if self.model == "gfem" else "continuum")
+
+    @property
+    def safety(self):
+        """Share of the critical step that dt = "auto" takes."""
+        return GFEM_SAFETY if self.model == "gfem" and "safety" not in self.time.model_fields_set else self.time.safety
+
     @property
     def dim(self):
         """2 or 3."""
@@ -158,7 +203,8 @@ class Scene(Table):
     @property
     def thickness(self):
         """Thickness of a 2D body, m; 1 by default and in 3D."""
-        return self.particles.thickness or 1.0
+        tables = [table for table in (self.mesh if self.uses_mesh else None, self.particles) if table is not None]
+        return next((table.thickness for table in tables if table.thickness is not None), 1.0)
 
     @property
     def method(self):
@@ -185,7 +231,10 @@ class Scene(Table):
         """Return the scene as a dict of plain values with every default filled in that has a value; read.scene_from_dict takes it back."""
         data = self.model_dump(mode="json", exclude_none=True)
         if self.dim == 2:
-            data["particles"].setdefault("thickness", self.thickness)
+            holder = data["particles"] if self.particles is not None else data["mesh"]
+            if not self.uses_mesh or self.mesh.thickness is None:
+                holder.setdefault("thickness", self.thickness)
+        self._resolve_method(data)
         for material in data["material"]:
             if material["model"] == "pmb":
                 material.setdefault("poissons_ratio", POISSONS_RATIO[self.dimension])
@@ -198,6 +247,17 @@ class Scene(Table):
         if self.output.every is None and self.output.times is None:
             data["output"].setdefault("frames", FRAMES)
         return data
+
+    def _resolve_method(self, data):
+        """Fill in the defaults of the finite elements and of their coupling with particles."""
+        if self.uses_mesh:
+            data["fem"].setdefault("moduli", self.moduli)
+        if self.model == "gfem":
+            data["time"]["safety"] = self.safety
+            if not self.gfem.everywhere:
+                data["gfem"].setdefault("activation", ACTIVATION)
+            if self.gfem.scheme != "pinned":
+                data["gfem"].setdefault("tolerance", TOLERANCE)
 
     def output_times(self):
         """Return the times of frames after t = 0, s."""

@@ -1,9 +1,9 @@
-"""Shapes of bodies, holes, regions and pre-cracks as tables of the scene."""
-from typing import Annotated, List, Literal, Optional, Union
+"""Shapes of bodies, holes and regions as tables of the scene."""
+from typing import Annotated, ClassVar, List, Literal, Optional, Union
 
 from pydantic import Field
 
-from pdhpc.scene.fields import AutoOrRatio, Listed, Matrix, Name, Positive, Rule, Table, Vector, check_direction, check_vector, key, length
+from pdhpc.scene.fields import AutoOrRatio, Listed, Matrix, Name, Positive, Rule, Table, Text, Vector, check_direction, check_vector, key, length
 
 
 class ShapeTable(Table):
@@ -16,7 +16,7 @@ class ShapeTable(Table):
         """Return (lower, upper), m."""
 
 
-def _only_in(dimension, dim, word, kind, instead):
+def only_in(dimension, dim, word, kind, instead):
     """Raise a Rule when a kind of shape does not exist in `dim` dimensions."""
     if dim != dimension:
         raise Rule(word, f'"{kind}"', f"{instead} in {dim}D")
@@ -57,7 +57,7 @@ class DiskShape(_Round):
 
     def check(self, dim):
         """Raise a Rule in 3D."""
-        _only_in(2, dim, "shape", "disk", "box, sphere or cylinder")
+        only_in(2, dim, "shape", "disk", "box, sphere or cylinder")
         check_vector("center", self.center, dim)
 
 
@@ -68,7 +68,7 @@ class SphereShape(_Round):
 
     def check(self, dim):
         """Raise a Rule in 2D."""
-        _only_in(3, dim, "shape", "sphere", "box or disk")
+        only_in(3, dim, "shape", "sphere", "box or disk")
         check_vector("center", self.center, dim)
 
 
@@ -82,7 +82,7 @@ class CylinderShape(ShapeTable):
 
     def check(self, dim):
         """Raise a Rule in 2D or for ends that coincide."""
-        _only_in(3, dim, "shape", "cylinder", "box or disk")
+        only_in(3, dim, "shape", "cylinder", "box or disk")
         check_vector("start", self.start, dim)
         check_vector("end", self.end, dim)
         if length(self.axis()) == 0:
@@ -149,9 +149,12 @@ def one_of(models, word):
 Hole = one_of([BoxShape, DiskShape, SphereShape, CylinderShape, HalfSpaceShape], "shape")
 
 
-class _Body(ShapeTable):
+class _Named(ShapeTable):
     name: Name = key("name of the body")
     material: Name = key("name of its material")
+
+
+class _Body(_Named):
     hole: Annotated[List[Hole], Listed] = key("shapes cut out of the body", default=[])
 
 
@@ -176,6 +179,14 @@ class CylinderBody(CylinderShape, _Body):
     """Cylinder filled with a lattice."""
 
 
+class MeshBody(_Named):
+    """Cells of the file of the mesh."""
+
+    shape: Literal["mesh"] = key("cells of the file that [mesh] names")
+    group: Optional[Text] = key("physical group of the file that holds the body's cells (default: all cells)", default=None)
+    hole: ClassVar[tuple] = ()
+
+
 class BoxRegion(BoxShape, _Region):
     """Region in a box."""
 
@@ -194,6 +205,15 @@ class CylinderRegion(CylinderShape, _Region):
 
 class HalfSpaceRegion(HalfSpaceShape, _Region):
     """Region in a half space."""
+
+
+class GroupRegion(ShapeTable):
+    """Region that the file of the mesh names."""
+
+    name: Name = key("name of the region")
+    shape: Literal["group"] = key("cells or boundary facets of a physical group of the file that [mesh] names")
+    group: Text = key("name of the physical group")
+    body: ClassVar[None] = None
 
 
 class _Fine(ShapeTable):
@@ -226,73 +246,6 @@ class BandFine(BandShape, _Fine):
     """Fine region along a polyline."""
 
 
-class _Crack(ShapeTable):
-    name: Optional[Name] = key("name of the crack", default=None)
-
-
-class PolylineCrack(_Crack):
-    """Pre-crack along a polyline in 2D."""
-
-    type: Literal["polyline"] = key("crack along a polyline, 2D")
-    points: Matrix = key("corners of the polyline", "m")
-
-    def check(self, dim):
-        """Raise a Rule in 3D, for fewer than two points, or for a segment without length."""
-        _only_in(2, dim, "type", "polyline", "rectangle or disk")
-        check_polyline(self.points, dim)
-
-    def bounding_box(self):
-        """Return (lower, upper), m."""
-        return [min(x) for x in zip(*self.points)], [max(x) for x in zip(*self.points)]
-
-
-class RectangleCrack(_Crack):
-    """Flat pre-crack spanned by two edges in 3D."""
-
-    type: Literal["rectangle"] = key("flat crack spanned by two edges, 3D")
-    corner: Vector = key("corner", "m")
-    edge1: Vector = key("edge from the corner", "m")
-    edge2: Vector = key("other edge from the corner", "m")
-
-    def check(self, dim):
-        """Raise a Rule in 2D or for parallel edges."""
-        _only_in(3, dim, "type", "rectangle", "polyline")
-        check_vector("corner", self.corner, dim)
-        check_direction("edge1", self.edge1, dim)
-        check_direction("edge2", self.edge2, dim)
-        a, b = self.edge1, self.edge2
-        cross = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-        if length(cross) <= 1e-9 * length(a) * length(b):
-            raise Rule("edge2", b, f"an edge not parallel to edge1 = {a}")
-
-    def bounding_box(self):
-        """Return (lower, upper), m."""
-        sides = [[0.0, a, b, a + b] for a, b in zip(self.edge1, self.edge2)]
-        return [c + min(s) for c, s in zip(self.corner, sides)], [c + max(s) for c, s in zip(self.corner, sides)]
-
-
-class DiskCrack(_Crack):
-    """Penny-shaped pre-crack in 3D."""
-
-    type: Literal["disk"] = key("penny-shaped crack, 3D")
-    center: Vector = key("centre", "m")
-    normal: Vector = key("normal of its plane", "1")
-    radius: Positive = key("radius", "m")
-
-    def check(self, dim):
-        """Raise a Rule in 2D or for a zero normal."""
-        _only_in(3, dim, "type", "disk", "polyline")
-        check_vector("center", self.center, dim)
-        check_direction("normal", self.normal, dim)
-
-    def bounding_box(self):
-        """Return (lower, upper), m."""
-        size = length(self.normal)
-        reach = [self.radius * max(0.0, 1 - (n / size) ** 2) ** 0.5 for n in self.normal]
-        return [c - r for c, r in zip(self.center, reach)], [c + r for c, r in zip(self.center, reach)]
-
-
-Body = one_of([BoxBody, DiskBody, SphereBody, CylinderBody], "shape")
-Region = one_of([BoxRegion, DiskRegion, SphereRegion, CylinderRegion, HalfSpaceRegion], "shape")
+Body = one_of([BoxBody, DiskBody, SphereBody, CylinderBody, MeshBody], "shape")
+Region = one_of([BoxRegion, DiskRegion, SphereRegion, CylinderRegion, HalfSpaceRegion, GroupRegion], "shape")
 Fine = one_of([BoxFine, DiskFine, SphereFine, CylinderFine, BandFine], "shape")
-Crack = one_of([PolylineCrack, RectangleCrack, DiskCrack], "type")

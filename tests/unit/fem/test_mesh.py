@@ -1,7 +1,9 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from pdhpc.fem.mesh import cell_partition, make_box_mesh
+from pdhpc.fem.mesh import cell_partition, make_box_mesh, read_mesh
 
 
 def box(comm, counts, keep=None):
@@ -45,3 +47,9 @@ def test_stars_hold_each_corner_once(comm):
 def test_a_mesh_without_cells_is_refused(comm):
     with pytest.raises(ValueError, match="no cell"):
         box(comm, (3, 2), lambda centres: centres[:, 0] > 100.0)
+
+
+def test_a_file_becomes_a_mesh(comm):
+    mesh = read_mesh(comm, Path(__file__).parent / "quarter_plate_4.msh")
+    assert (mesh.kind, mesh.n_owned_cells, mesh.n_global_vertices, mesh.cell_size, mesh.index) == ("quad", 4, 9, None, None)
+    assert mesh.regions["plate"].all() and np.all(mesh.points[mesh.sets["top"]][..., 1] == 3.0) and len(mesh.boundary()[1]) == 8

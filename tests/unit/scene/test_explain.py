@@ -21,7 +21,7 @@ except ModuleNotFoundError:
 
 HERE = Path(__file__).resolve().parent
 RUNS = HERE.parents[2] / "runs"
-EVERYTHING = [HERE / "everything_2d.toml", HERE / "everything_3d.toml"]
+EVERYTHING = [HERE / f"everything_{name}.toml" for name in ("2d", "3d", "fem", "gfem")]
 
 
 def all_models(model=Scene, seen=None):
@@ -57,7 +57,7 @@ def leaves(value, prefix=""):
             yield f"{prefix}{name}"
 
 
-def test_the_two_scenes_hold_every_table_of_the_language():
+def test_the_scenes_hold_every_table_of_the_language():
     held = {type(table) for path in EVERYTHING for table in tables_of(read_scene(path))}
     assert held == all_models() - {BoxFine, SphereFine, BandFine} and len(held) > 30, "a scene has one fine region, of one shape"
 
@@ -102,9 +102,9 @@ def test_given_and_default_are_told_apart():
     assert rows["time.dt"].value == "auto" and "rho" in rows["time.dt"].source
 
 
-def test_the_two_scenes_use_every_key_of_the_language():
+def test_the_scenes_use_every_key_of_the_language():
     given = {name for path in EVERYTHING for table in tables_of(read_scene(path)) for name in table.model_fields_set}
-    assert {name for model in all_models() for name in model.model_fields} - given == {"frames"}, "it excludes every and times, which the two scenes use"
+    assert {name for model in all_models() for name in model.model_fields} - given == {"frames"}, "it excludes every and times, which the scenes use"
 
 
 def test_defaults_that_depend_on_other_keys_are_filled_in():

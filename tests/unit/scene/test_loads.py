@@ -12,8 +12,6 @@ def test_loads_are_told_apart_by_their_type():
     assert type(load).__name__ == "DisplacementLoad" and load.value == ["free", 1.0] and load.time.function == "constant"
     assert LOAD.validate_python({"type": "gravity", "value": [0.0, -9.81]}).region == "all"
     with pytest.raises(ValidationError):
-        LOAD.validate_python({"type": "traction", "region": "r", "value": [0.0, 1.0]})  # no face
-    with pytest.raises(ValidationError):
         LOAD.validate_python({"type": "force_density", "value": [0.0, 1.0]})  # no region: only gravity acts on all by default
     with pytest.raises(ValidationError):
         LOAD.validate_python({"type": "force_density", "region": "r", "value": ["free", 1.0]})  # only motions have free components

@@ -56,7 +56,7 @@ def test_shipped_scenes_are_valid(path):
     ("output.frames=2.5", ["frames = 2.5", "whole number"]),
     ("body.plate.name=\"über\"", ["name = \"über\"", "a letter"]),
     ("title=1", ["title = 1", "text"]),
-    ("model=gfem", ['model = "gfem"', '"particles"']),
+    ("model=gfemm", ['model = "gfemm"', '"particles"', 'did you mean "gfem"']),
     ("tip.crack.name=1", ["name = 1", "a name in quotes"]),
     ("output.pictures=1", ["pictures = 1", "true or false"]),
 ])

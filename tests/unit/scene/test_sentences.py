@@ -42,7 +42,7 @@ def test_good_is_good():
     ({"body": [{**BOX, "hole": {}}]}, "body 'b': hole = a single table; allowed is one or more tables headed [[body.hole]]"),
     ({"body": [{**BOX, "hole": [1]}]}, "body 'b': hole[0] = 1; allowed is a table headed [[body.hole]]"),
     ({"body": [{**BOX, "hole": [{"shape": "dsk"}]}]}, "body 'b': hole[0]: shape = \"dsk\"; allowed is \"box\", \"disk\""),
-    ({"body": [{**BOX, "shape": "boks"}]}, "body 'b': shape = \"boks\"; allowed is \"box\", \"disk\", \"sphere\", \"cylinder\" (did you mean \"box\"?)"),
+    ({"body": [{**BOX, "shape": "boks"}]}, "body 'b': shape = \"boks\"; allowed is \"box\", \"disk\", \"sphere\", \"cylinder\", \"mesh\" (did you mean \"box\"?)"),
     ({"body": [{**BOX, "shape": ["box"]}]}, "body 'b': shape = [\"box\"]; allowed is"),
     ({"body": [{"name": "b", "material": "m"}]}, "body 'b': shape is missing; allowed is \"box\""),
     ({"body": [{"name": "b", "shap": "box"}]}, "body 'b': shap is an unknown key"),  # not: shape is missing
@@ -55,7 +55,11 @@ def test_good_is_good():
     ({"load": [{"type": "gravity", "value": [0, 1], "time": {"function": "rampe"}}]}, "load[0]: time.function = \"rampe\"; allowed is"),
     ({"output": {"fields": ["damage", "stres"]}}, "output.fields[1] = \"stres\"; allowed is"),
     ({"output": {"fields": ["damage", "stres"]}}, '(did you mean "stress"?)'),
-    ({"model": "gfem"}, 'model = "gfem"; allowed is "particles", the only one offered'),
+    ({"model": "gfme"}, 'model = "gfme"; allowed is "particles", "fem", "gfem" (did you mean "gfem"?)'),
+    ({"model": 3}, 'model = 3; allowed is "particles", "fem", "gfem"'),
+    ({"model": "fem", "fem": 3}, 'fem = 3; allowed is one table headed [fem]'),
+    ({"model": "fem", "mesh": {"cell_sise": 1.0}}, 'mesh.cell_sise is an unknown key; allowed in mesh is cell_size, file, thickness (did you mean "cell_size"?)'),
+    ({"gfem": {"scheme": "pined"}}, '(did you mean "pinned"?)'),
     ({"dimension": "3D"}, 'dimension = "3D"; allowed is "plane_stress", "plane_strain", "3d" (did you mean "3d"?)'),
 ])
 def test_sentences(changes, expected):

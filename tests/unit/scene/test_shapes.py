@@ -4,9 +4,9 @@ from pydantic import TypeAdapter
 
 from pdhpc.scene.body import make_shape
 from pdhpc.scene.fields import Rule
-from pdhpc.scene.shapes import Crack, Region
+from pdhpc.scene.shapes import Region
 
-REGION, CRACK = TypeAdapter(Region), TypeAdapter(Crack)
+REGION = TypeAdapter(Region)
 SHAPES = [
     {"shape": "box", "lower": [0, 0, 0], "upper": [1, 2, 3]},
     {"shape": "sphere", "center": [1, 0, 0], "radius": 2},
@@ -27,10 +27,3 @@ def test_bounding_boxes_are_those_of_the_geometry(table):
 def test_round_bodies_of_three_dimensions_are_refused_in_two(table):
     with pytest.raises(Rule, match="in 2D"):
         REGION.validate_python({"name": "r", **table}).check(2)
-
-
-def test_bounding_boxes_of_cracks():
-    disk = CRACK.validate_python({"type": "disk", "center": [0, 0, 0], "normal": [0, 0, 2], "radius": 3})
-    assert disk.bounding_box() == ([-3, -3, 0], [3, 3, 0])
-    rectangle = CRACK.validate_python({"type": "rectangle", "corner": [1, 0, 0], "edge1": [-2, 0, 0], "edge2": [0, 1, 1]})
-    assert rectangle.bounding_box() == ([-1, 0, 0], [1, 1, 1])

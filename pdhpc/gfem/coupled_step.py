@@ -1,0 +1,191 @@
+"""Finite elements enriched by local peridynamics: one coupled step, in five stages (Schweitzer, Wu).
+
+    u^h = sum_i phi_i a_i + sum_{i in J} phi_i eta,   eta from particles that move for k sub-steps on the patches of J.
+"""
+from time import perf_counter
+
+import numpy as np
+
+from pdhpc.gfem.patches import largest_principal_strains
+from pdhpc.kernels import blend
+from pdhpc.kernels.motion import kinetic_energies
+from pdhpc.parallel.comm import largest
+
+
+class CoupledStep:
+    """A body on a mesh, with particles where it fails.
+
+    Attributes
+    ----------
+    patches : Patches. local : LocalParticles. solution : MeshSolution. scheme : Pinned, or another that fills the verbs in.
+    dt, s, of a step of k sub-steps. step : number of steps done. view : what observers see.
+    seconds : {name: wall seconds on this rank}, those of the local run under its own names.
+    """
+
+    def __init__(self, comm, patches, local, solution, scheme, activation):
+        """activation : the share theta of the critical stretch at which a patch is chosen. Collective."""
+        self.comm, self.patches, self.local, self.solution, self.scheme = comm, patches, local, solution, scheme
+        self.dt, self.k, self.step, self._activation = scheme.dt, scheme.k, 0, activation
+        self._stages = dict.fromkeys(("choose", "seed", "reconstruct", "solve"), 0.0)
+        self.view, self._limits = None, self._strain_limits()
+        self.largest_share = self.summed_share = 0.0
+        self._work = np.zeros((len(solution.mesh.points), 1))
+
+    def advance(self):
+        """Do one step from t_n to t_n + dt:
+
+            choose        patches whose material is strained beyond theta s_c, or has broken bonds
+            seed          local particles start from u^n, v^n; their collar follows the global solution
+            run           k sub-steps of peridynamics on the patches
+            reconstruct   eta from the particles
+            solve         u^{n+1}, v^{n+1} in the enriched space
+
+        Collective.
+        """
+        self.choose_patches()
+        self.seed_particles()
+        self.run_particles()
+        eta = self.reconstruct()
+        self.solve(eta)
+
+    def choose_patches(self):
+        """Add the patches of cells that want particles."""
+        with self._timed("choose"):
+            wanted = self._wanting()
+            if largest(self.comm, int(wanted.any())) and largest(self.comm, self.patches.add(wanted)):
+                self.follow()
+
+    def seed_particles(self):
+        """Start the particles from the global solution, which they hold, and tell the collar how it moves: a extrapolated to the middle of the step."""
+        with self._timed("seed"):
+            solution = self.solution
+            self.local.hold_collar(solution.displacement, solution.velocity, 1.5 * solution.acceleration - 0.5 * solution.previous_acceleration)
+
+    def run_particles(self):
+        """Let the particles move for k sub-steps."""
+        self.local.run(self.k, self.dt / self.k, self.time)
+
+    def reconstruct(self):
+        """Return eta, what the scheme enriches the space with."""
+        with self._timed("reconstruct"):
+            return self.scheme.reconstruct()
+
+    def solve(self, eta):
+        """Solve the global problem in the enriched space."""
+        with self._timed("solve"):
+            self.scheme.solve(eta, self.time)
+            self.step += 1
+
+    def follow(self):
+        """Let everything follow the patches. Collective."""
+        weight = self.scheme.weight(self.patches)
+        self.local.follow(self.patches, weight, self.solution.displacement, self.solution.velocity)
+        self.solution.follow(self.patches, weight, self.local.outside)
+        self.scheme.follow(self.patches)
+        self.solution.evaluate(self.time)
+
+    @property
+    def time(self):
+        """Time of the current state, s."""
+        return self.step * self.dt
+
+    def _strain_limits(self):
+        """Return (n_owned_cells,), the smallest critical stretch of the particles of each cell that may fail; infinite where none may."""
+        lattice, law = self.local.lattice, self.local.law
+        cells = np.arange(lattice.mesh.n_owned_cells, dtype=np.int32)
+        slots = lattice.slots_of(cells)
+        limits = np.append(np.diag(law.break_at), np.inf)
+        blocks = np.where(slots >= 0, self.local.original_block(slots), len(limits) - 1)
+        return limits[blocks].min(axis=1, initial=np.inf)
+
+    def _wanting(self):
+        """Return (n_owned_cells,) bool: cells on the ramp whose particles say so, and cells without particles whose strain does."""
+        mesh, patches = self.solution.mesh, self.patches
+        owned = mesh.n_owned_cells
+        enriched, whole = patches.enriched[:owned], patches.whole[:owned]
+        wanted = np.zeros(owned, bool)
+        ring = np.flatnonzero(enriched & ~whole)
+        wanted[ring] = self.local.wanting(ring, self._activation)
+        free = np.flatnonzero(~enriched & np.isfinite(self._limits)).astype(np.int32)
+        strain = np.empty(len(free))
+        largest_principal_strains(mesh.cells, free, self.local.lattice.corner_gradient, self.solution.displacement, strain)
+        wanted[free] = strain > self._activation * self._limits[free]
+        return wanted
+
+    @property
+    def seconds(self):
+        """Wall seconds of this rank by kind of work."""
+        return {**self.local.seconds, **self._stages}
+
+    @property
+    def parts(self):
+        """The subdomain of this rank."""
+        return (self.local.subdomain,)
+
+    @property
+    def broken(self):
+        """Directed bonds of this rank that broke so far."""
+        return self.local.broken
+
+    @property
+    def bond_evaluations(self):
+        """Directed bonds that this rank evaluated so far: {"body"}."""
+        return {"body": self.local.bond_evaluations}
+
+    @property
+    def bytes_sent(self):
+        """Bytes that this rank sends per sub-step to refresh ghosts."""
+        return self.local.bytes_sent
+
+    @property
+    def failure(self):
+        """None, or what a solver that did not converge has to say."""
+        return self.scheme.mass.failure
+
+    def ledger(self):
+        """Return {name: (n,) J} of this rank's contributions to the energies. Local.
+
+        Particles of enriched cells count with the energies of their bonds, shared by (alpha_p + alpha_q)/2, elements with 1 - alpha; outside the patches
+        particles are elements only.
+        """
+        local, particles = self.local, self.local.subdomain.particles
+        slots = local.points.slots
+        kinetic, strain = np.empty(len(slots)), np.empty(len(slots))
+        kinetic_energies(particles.velocity, particles.volume, particles.block, local.law.density, slots, kinetic)
+        blend.blended_energies(local.subdomain.bonds.arrays, local.subdomain.points, local.law, particles.third, slots, local.alpha, strain)
+        return {
+            "kinetic_energy": np.concatenate([self.solution.kinetic_energies(), kinetic]),
+            "strain_energy": np.concatenate([self.solution.strain_energies(), strain * local.volume]),
+            "dissipated_energy": particles.owned(particles.dissipated),
+            "external_work": self.solution.external_work(),
+        }
+
+    def state(self):
+        """Return {key: (getter, setter)} of everything a continued run needs."""
+        solution, mesh, particles = self.solution, self.solution.mesh, self.local.subdomain.particles
+        n = mesh.n_owned
+        state = {"step": (lambda: self.step, lambda value: setattr(self, "step", int(value)))}
+        for name in ("displacement", "velocity", "acceleration", "previous_acceleration"):
+            state[f"mesh/{name}"] = (lambda name=name: getattr(solution, name)[:n], lambda value, name=name: np.copyto(getattr(solution, name)[:n], value))
+        state["mesh/patches"] = (lambda: self.patches.chosen[:n], self.patches.restore)
+        for name in ("position", "velocity", "dissipated"):
+            state[f"particles/{name}"] = (lambda name=name: particles.owned(getattr(particles, name)), lambda value, name=name: particles.put(getattr(particles, name), value))
+        alive = self.local.subdomain.bonds.arrays.alive
+        state["alive"] = (lambda: alive, lambda value: np.copyto(alive, value))
+        return {**state, **solution.work_state()}
+
+    def _timed(self, name):
+        return _Timer(self._stages, name)
+
+
+class _Timer:
+    """Adds the seconds of a block to an account."""
+
+    def __init__(self, seconds, name):
+        self._seconds, self._name = seconds, name
+
+    def __enter__(self):
+        self._started = perf_counter()
+
+    def __exit__(self, *error):
+        self._seconds[self._name] += perf_counter() - self._started

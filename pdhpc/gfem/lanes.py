@@ -1,0 +1,133 @@
+"""Loops over rows of eight particles of a lattice, some of which move: their motion, and sums between them and the functions of a mesh.
+
+Fields by slot are (n_slots, dim), each component together; lanes of rows are numbered 8 t + l.
+"""
+from pdhpc.jit import kernel, sweep
+from pdhpc.kernels.simd import LANES, fma, load8, splat, store8
+
+
+@sweep
+def kick_drift(rows, velocity, force_density, inverse_density, position, half, tau):
+    """v += half f / rho, u += tau v in rows of eight; inverse_density (n_slots,), m^3/kg, is 0 where a particle does not move, and v is."""
+    n = len(position)
+    for t in range(len(rows)):
+        i = rows[t]
+        factor = half * load8(inverse_density, i)
+        for d in range(position.shape[1]):
+            v = fma(factor, load8(force_density, d * n + i), load8(velocity, d * n + i))
+            store8(velocity, d * n + i, v)
+            store8(position, d * n + i, fma(splat(tau), v, load8(position, d * n + i)))
+
+
+@sweep
+def kick(rows, velocity, force_density, inverse_density, half):
+    """v += half f / rho in rows of eight."""
+    n = len(velocity)
+    for t in range(len(rows)):
+        i = rows[t]
+        factor = half * load8(inverse_density, i)
+        for d in range(velocity.shape[1]):
+            store8(velocity, d * n + i, fma(factor, load8(force_density, d * n + i), load8(velocity, d * n + i)))
+
+
+@sweep
+def remember(rows, position, velocity, before, velocity_before):
+    """Copy u and v of rows of eight to (n_rows, dim, 8) each."""
+    n, dim = len(position), position.shape[1]
+    for t in range(len(rows)):
+        for d in range(dim):
+            store8(before, LANES * (dim * t + d), load8(position, d * n + rows[t]))
+            store8(velocity_before, LANES * (dim * t + d), load8(velocity, d * n + rows[t]))
+
+
+@kernel
+def place(slots, displacement, velocity, acceleration, t, position):
+    """position[slots] = u + t v + t^2/2 a; u, v, a (n, dim)."""
+    for d in range(displacement.shape[1]):
+        for n in range(len(slots)):
+            position[slots[n], d] = displacement[n, d] + t * (velocity[n, d] + 0.5 * t * acceleration[n, d])
+
+
+@kernel
+def blend_state(rows, inside, alpha, before, position, velocity, of_velocity):
+    """Of the lanes inside enriched cells set u = u^n + alpha (U - u^n), or, where `of_velocity`, v = alpha V; alpha, inside (8 n_rows,)."""
+    for t in range(len(rows)):
+        for lane in range(8):
+            a = alpha[8 * t + lane]
+            if inside[8 * t + lane] and a < 1.0:
+                i = rows[t] + lane
+                for d in range(position.shape[1]):
+                    if of_velocity:
+                        velocity[i, d] = a * velocity[i, d]
+                    else:
+                        position[i, d] = before[t, d, lane] + a * (position[i, d] - before[t, d, lane])
+
+
+@kernel
+def add_nodal(slots, cell, start, shape, cells, nodal, field):
+    """field[slots] += sum_i N_i nodal[i] at the points of enriched cells (gfem.points.Points); nodal (n_vertices, dim)."""
+    corners, dim = shape.shape[1], nodal.shape[1]
+    for c in range(len(cell)):
+        corner = cells[cell[c]]
+        for d in range(dim):
+            for p in range(start[c], start[c + 1]):
+                total = 0.0
+                for a in range(corners):
+                    total += shape[p, a] * nodal[corner[a], d]
+                field[slots[p], d] += total
+
+
+@kernel
+def project_displacement(rows, lane_cell, shape, alpha, inside, before, velocity_before, moment, position, density, dt, volume, cells, result):
+    """result += sum_p V_p N_i (dt rho v^n + I2 - rho alpha (U - u^n)) inside enriched cells, sum_p V_p N_i I2 outside; density (n_slots,) or by lane, kg/m^3."""
+    for t in range(len(rows)):
+        for lane in range(8):
+            n = 8 * t + lane
+            if lane_cell[n] < 0:
+                continue
+            corner, i = cells[lane_cell[n]], rows[t] + lane
+            for d in range(result.shape[1]):
+                value = moment[t, d, lane]
+                if inside[n]:
+                    value += density[n] * (dt * velocity_before[t, d, lane] - alpha[n] * (position[i, d] - before[t, d, lane]))
+                for a in range(len(corner)):
+                    result[corner[a], d] += volume * shape[n, a] * value
+
+
+@kernel
+def project_velocity(rows, lane_cell, shape, alpha, inside, velocity_before, impulse, velocity, density, volume, cells, result):
+    """result += sum_p V_p N_i (rho v^n + I1 - rho alpha V) inside enriched cells, sum_p V_p N_i I1 outside."""
+    for t in range(len(rows)):
+        for lane in range(8):
+            n = 8 * t + lane
+            if lane_cell[n] < 0:
+                continue
+            corner, i = cells[lane_cell[n]], rows[t] + lane
+            for d in range(result.shape[1]):
+                value = impulse[t, d, lane]
+                if inside[n]:
+                    value += density[n] * (velocity_before[t, d, lane] - alpha[n] * velocity[i, d])
+                for a in range(len(corner)):
+                    result[corner[a], d] += volume * shape[n, a] * value
+
+
+@kernel
+def multiply_mass(cells, chosen, kind, consistent, x, result):
+    """result += M_e x_e over cells chosen (n,), consistent (n_kinds, corners, corners), kg; x, result (n_vertices, dim)."""
+    for n in range(len(chosen)):
+        corner, m = cells[chosen[n]], consistent[kind[chosen[n]]]
+        for a in range(len(corner)):
+            for d in range(x.shape[1]):
+                total = 0.0
+                for b in range(len(corner)):
+                    total += m[a, b] * x[corner[b], d]
+                result[corner[a], d] += total
+
+
+@kernel
+def lump(cells, chosen, kind, lumped, result):
+    """result (n_vertices,) += row sums of the masses of cells chosen (n,), kg."""
+    for n in range(len(chosen)):
+        corner, m = cells[chosen[n]], lumped[kind[chosen[n]]]
+        for a in range(len(corner)):
+            result[corner[a]] += m[a]

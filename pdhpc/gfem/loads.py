@@ -1,0 +1,65 @@
+"""Loads of a coupled run: force densities on the particles, which act through the mesh wherever its cells are not enriched."""
+import numpy as np
+
+from pdhpc.conditions.loads import BodyForce
+from pdhpc.kernels.simd import LANES
+
+
+class ParticleLoad:
+    """A force density b f(t) on some particles of the lattice.
+
+    slots (n,) int32, owned particles; vector (n, dim), N/m^3, at f = 1; cells (m,) int32, owned cells that hold one of them; nodal (m, corners, dim), N, their
+    sum_p V_p N_i b_p.
+    """
+
+    def __init__(self, lattice, subdomain, slots, vector, time_function):
+        """lattice : CellLattice. Local."""
+        self.slots, self.vector, self.time_function = slots.astype(np.int32), np.ascontiguousarray(vector, float), time_function
+        by_slot = np.full(len(subdomain.particles.position), -1, np.int32)
+        by_slot[slots] = np.arange(len(slots), dtype=np.int32)
+        cells = np.arange(lattice.mesh.n_owned_cells, dtype=np.int32)
+        held = lattice.slots_of(cells)
+        number = np.where(held >= 0, by_slot[held], -1)
+        self.cells = np.flatnonzero((number >= 0).any(axis=1)).astype(np.int32)
+        number = number[self.cells]
+        density = np.where((number >= 0)[:, :, None], self.vector[number], 0.0) if len(slots) else np.zeros((0, number.shape[1], lattice.mesh.dim))
+        volume = float(subdomain.particles.volume[0]) if len(subdomain.particles.volume) else 0.0
+        self.nodal = volume * np.einsum("cpd,pa->cad", density, lattice.shape)
+
+    def within(self, inside):
+        """Return the BodyForce on those of its particles that inside (n_slots,) bool marks. Local."""
+        chosen = inside[self.slots]
+        return BodyForce(self.slots[chosen], self.vector[chosen], self.time_function)
+
+    def outside(self, mesh, enriched):
+        """Return (n_vertices, dim), N at f = 1, of this rank's owned cells that are not enriched: to be accumulated. Local."""
+        result = np.zeros((len(mesh.points), mesh.dim))
+        chosen = ~enriched[self.cells]
+        np.add.at(result, mesh.cells[self.cells[chosen]], self.nodal[chosen])
+        return result
+
+
+class LoadOnLanes:
+    """A load on Blended particles inside enriched cells: it acts with the bonds' blended forces, by its own sums over the sub-steps."""
+
+    def __init__(self, force, blended):
+        """force : BodyForce on slots. Local."""
+        self.time_function = force.time_function
+        row = force.indices // LANES * LANES
+        at = np.minimum(np.searchsorted(blended.rows, row), max(len(blended.rows) - 1, 0))
+        found = (blended.rows[at] == row) if len(blended.rows) else np.zeros(len(row), bool)
+        self._row, self._lane, self._vector = at[found], (force.indices - row)[found], force.vector[found]
+
+    def add_to(self, blended, first, second):
+        """impulse += S1 b, moment += S2 b; S1, s, and S2, s^2, of sub_step_sums."""
+        if len(self._row):
+            blended.impulse[self._row, :, self._lane] += first * self._vector
+            blended.moment[self._row, :, self._lane] += second * self._vector
+
+
+def sub_step_sums(time_function, start, tau, k):
+    """Return (S1, S2) of f over k sub-steps: tau sum_j w_j f(t_j), s, and tau^2 (k f(t_0)/2 + sum_{1 <= j < k} (k - j) f(t_j)), s^2."""
+    values = [time_function.value(start + j * tau) for j in range(k + 1)]
+    first = tau * (sum(values) - 0.5 * (values[0] + values[-1]))
+    second = tau**2 * (0.5 * k * values[0] + sum((k - j) * values[j] for j in range(1, k)))
+    return first, second

@@ -1,0 +1,164 @@
+"""The global solution on the mesh: nodal fields, the forces of elements, masses, loads and prescribed motion.
+
+Elements act with the weight 1 - alpha at their particles' places; what the particles of enriched cells carry is in their own state (local_particles.py).
+"""
+import numpy as np
+
+from pdhpc.gfem import lanes
+from pdhpc.gfem.lattice_material import add_cell_forces, add_kind_forces, cell_energies
+from pdhpc.jit import kernel
+
+
+class MeshSolution:
+    """Nodal fields of one rank; ghosts are fresh after every step.
+
+    Attributes
+    ----------
+    displacement, velocity (n_vertices, dim), m, m/s: the standard part outside the patches; in them, where elements act too, the mean of the particles around.
+    acceleration, previous_acceleration : of the last step and the one before, m/s^2. outside_mass (n_vertices,), kg: lumped, of cells that are not enriched.
+    force (n_vertices, dim), N: of this rank's elements, to be accumulated. loads : [ParticleLoad]. motions : [PrescribedMotion] on vertices.
+    """
+
+    def __init__(self, mesh, material, loads, motions):
+        """material : LatticeMaterial. Local."""
+        self.mesh, self.material, self.loads, self.motions = mesh, material, loads, motions
+        shape = len(mesh.points), mesh.dim
+        self.displacement, self.velocity, self.acceleration, self.previous_acceleration = (np.zeros(shape) for _ in range(4))
+        self.force = np.zeros(shape)
+        self._shared = {name: mesh.exchange.bind(getattr(self, name)) for name in ("displacement", "velocity", "acceleration", "previous_acceleration")}
+        self.change = np.zeros(shape)  # c of the displacement, then e of the velocity
+        self.right = np.zeros(shape)
+        self._change, self._right = mesh.exchange.bind(self.change), mesh.exchange.bind(self.right)
+        self._half, self.first = np.zeros(shape), True
+        self.held = np.zeros(shape, bool)
+        for motion in motions:
+            self.held[np.ix_(motion.indices, motion.components)] = True
+
+    def refresh(self, *names):
+        """Bring ghosts of the named nodal fields up to date. Collective over neighbours."""
+        for name in names:
+            self._shared[name].refresh()
+
+    def refresh_change(self):
+        """Bring ghosts of `change` up to date. Collective over neighbours."""
+        self._change.refresh()
+
+    def gather_right(self):
+        """Add what other ranks have of `right` at this rank's vertices. Collective over neighbours."""
+        self._right.accumulate()
+
+    def follow(self, patches, weight, ramp):
+        """Split the cells into plain ones, those on the ramp and those that particles have to themselves; sum up lumped masses and loads outside. Collective.
+
+        weight : (n_vertices,), of which alpha is the interpolation. ramp : function of owned cells (n,) -> (n, ratio^dim), 1 - alpha at their particles.
+        """
+        mesh, material, owned = self.mesh, self.material, self.mesh.n_owned_cells
+        self.enriched = patches.enriched[:owned].copy()
+        ramped = (weight[mesh.cells[:owned]] > 0.0).any(axis=1)
+        self._plain = np.flatnonzero(~ramped).astype(np.int32)
+        chosen = np.flatnonzero(ramped).astype(np.int32)
+        outside = ramp(chosen)
+        acting = outside.any(axis=1)
+        self._ramped = chosen[acting]
+        self._ramped_stiffness = material.ramped(self._ramped, outside[acting])
+        self.outside_mass = self._summed(np.flatnonzero(~self.enriched), material.lumped)
+        self._outside_loads = [load.outside(mesh, self.enriched) for load in self.loads]
+
+    def _summed(self, cells, masses):
+        """Return (n_vertices,) kg, masses (n_kinds, corners) of owned cells (n,) of all ranks added up at their vertices. Collective over neighbours."""
+        mass = np.zeros((len(self.mesh.points), 1))
+        lanes.lump(self.mesh.cells, cells.astype(np.int32), self.material.kind, masses, mass[:, 0])
+        shared = self.mesh.exchange.bind(mass)
+        shared.accumulate()
+        shared.refresh()
+        shared.free()
+        return mass[:, 0].copy()
+
+    def evaluate(self, time):
+        """Store the forces of elements and of loads outside the patches, at the present displacement and `time`, in `force`: this rank's part. Local."""
+        mesh, material = self.mesh, self.material
+        self.force[:] = 0.0
+        add_kind_forces(mesh.cells, self._plain, material.kind, material.stiffness, self.displacement, self.force)
+        add_cell_forces(mesh.cells, self._ramped, self._ramped_stiffness, self.displacement, self.force)
+        for load, nodal in zip(self.loads, self._outside_loads):
+            add_scaled(self.force, load.time_function.value(time), nodal)
+
+    def steer(self, time, dt):
+        """Put in `change` what takes prescribed components to where they must be at time + dt. Local."""
+        for motion in self.motions:
+            motion.steer(self.displacement, self._half, time + dt, dt)
+            put_components(motion.indices, motion.components, dt, self._half, self.change)
+
+    def settle_motions(self, time):
+        """Put the prescribed velocities at a time in `change`. Local."""
+        for motion in self.motions:
+            motion.settle(self.change, time)
+
+    def accept_velocity(self, standard, dt):
+        """Take `change` as the velocity of the vertices marked in standard (n_vertices,), and its growth as the acceleration. Local."""
+        take_velocity(standard, dt, self.change, self.velocity, self.acceleration, self.previous_acceleration)
+        if self.first:  # there was no step before
+            np.copyto(self.previous_acceleration, self.acceleration)
+            self.first = False
+
+    def external_work(self):
+        """Return (n,) J, contributions of this rank to the work of loads and of prescribed motion. Local."""
+        return np.zeros(0)
+
+    def work_state(self):
+        """Return {key: (getter, setter)} of the work accounts."""
+        return {}
+
+    def strain_energies(self):
+        """Return (n_owned_cells,) J, of the elements of this rank. Local."""
+        mesh, energy = self.mesh, np.zeros(self.mesh.n_owned_cells)
+        plain = np.empty(len(self._plain))
+        kind_energies(mesh.cells, self._plain, self.material.kind, self.material.stiffness, self.displacement, plain)
+        energy[self._plain] = plain
+        ramped = np.empty(len(self._ramped))
+        cell_energies(mesh.cells, self._ramped, self._ramped_stiffness, self.displacement, ramped)
+        energy[self._ramped] = ramped
+        return energy
+
+    def kinetic_energies(self):
+        """Return (n_owned,) J, of the lumped mass outside the patches. Local."""
+        n = self.mesh.n_owned
+        return 0.5 * self.outside_mass[:n] * (self.velocity[:n] ** 2).sum(axis=1)
+
+
+@kernel
+def add_scaled(target, factor, source):
+    """target += factor source, (n, dim) both."""
+    for n in range(len(target)):
+        for d in range(target.shape[1]):
+            target[n, d] += factor * source[n, d]
+
+
+@kernel
+def kind_energies(cells, chosen, kind, stiffness, displacement, energy):
+    """As cell_energies, stiffness[kind[cell]] of each."""
+    corners, dim = cells.shape[1], displacement.shape[1]
+    for n in range(len(chosen)):
+        corner, k, total = cells[chosen[n]], stiffness[kind[chosen[n]]], 0.0
+        for m in range(corners * dim):
+            for j in range(corners * dim):
+                total += displacement[corner[m // dim], m % dim] * k[m, j] * displacement[corner[j // dim], j % dim]
+        energy[n] = 0.5 * total
+
+
+@kernel
+def put_components(vertices, components, factor, source, target):
+    """target = factor source in some components of some vertices."""
+    for n in range(len(vertices)):
+        for c in range(len(components)):
+            target[vertices[n], components[c]] = factor * source[vertices[n], components[c]]
+
+
+@kernel
+def take_velocity(standard, dt, change, velocity, acceleration, previous):
+    """previous = a, a = (change - v)/dt, v = change where standard (n,) is set; 0 elsewhere."""
+    for n in range(len(standard)):
+        for d in range(change.shape[1]):
+            previous[n, d] = acceleration[n, d]
+            acceleration[n, d] = (change[n, d] - velocity[n, d]) / dt if standard[n] else 0.0
+            velocity[n, d] = change[n, d] if standard[n] else 0.0

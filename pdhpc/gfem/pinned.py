@@ -1,0 +1,118 @@
+"""The production scheme: the coefficient of the enrichment is one, all standard functions are Galerkin, the matrix is constant while the patches are.
+
+    u^h = alpha U + sum_i phi_i a_i,   F^alpha_p = sum_q (alpha_p + alpha_q)/2 f_pq, summed over the sub-steps of the local run: I1 = impulse, I2 = its moment.
+
+    1. M^ c = (dt rho v^n + I2 + dt^2/2 b - rho alpha (U - u^n), phi) + dt^2/2 r(d^n),     u^{n+1} = u^n + alpha (U - u^n) + N c,   d_i += c_i  (i not in J)
+    2. M^ e = (rho v^n + I1 + dt b - rho alpha V, phi) + dt/2 (r(d^n) + r(d^{n+1})),      v^{n+1} = alpha V + N e,                 d'_i = e_i   (i not in J)
+
+Where alpha is 1 within the reach of bonds, the local run's own identities I1 + dt b = rho (V - v^n) and I2 + dt^2/2 b = rho (U - u^n - dt v^n) make the right sides
+vanish: only the rows of Blended particles are projected.
+"""
+import numpy as np
+
+from pdhpc.gfem import lanes
+from pdhpc.gfem.loads import sub_step_sums
+from pdhpc.gfem.vertex_means import VertexMeans
+from pdhpc.jit import kernel
+
+
+class Pinned:
+    """Scheme "pinned" of a coupled step."""
+
+    name = "pinned"
+
+    def __init__(self, solution, local, mass, dt, k):
+        """solution : MeshSolution. local : LocalParticles. mass : PatchMass. dt, s, of k sub-steps."""
+        self.solution, self.local, self.mass, self.dt, self.k = solution, local, mass, dt, k
+
+    def weight(self, patches):
+        """Return (n_vertices,), the nodal values of alpha: 1 in J."""
+        return patches.chosen.astype(float)
+
+    def follow(self, patches):
+        """Take in new patches. Collective."""
+        solution, mesh = self.solution, self.solution.mesh
+        self.mass.follow(patches, solution.outside_mass)
+        owned = slice(mesh.n_owned)
+        inner = np.zeros(mesh.n_owned, bool)
+        inner[self.mass.inner] = True
+        self._outer = np.flatnonzero(~inner)
+        self._inverse_mass = 1.0 / solution.outside_mass[self._outer, None]
+        self._standard = ~patches.chosen
+        mixed = patches.touched(patches.enriched & ~patches.whole)
+        self._means = VertexMeans(self.local.lattice, self.local.subdomain, np.flatnonzero((mixed & patches.chosen)[owned]))
+        self.settle()
+
+    def settle(self):
+        """Bring what follows from the particles, nodal means in J and forces of elements, up to date. Collective over neighbours."""
+        self._means.store(self.local.subdomain.particles.position, self.solution.displacement)
+        self.solution.refresh("displacement")
+
+    def reconstruct(self):
+        """Take the local run as it is: eta = U - u^n in the space of displacements, V in that of velocities, both at the particles, with the coefficient 1. Local."""
+        local, blended = self.local, self.local.blended
+        for load in local.acting_on_lanes:
+            load.add_to(blended, *sub_step_sums(load.time_function, local.start, local.tau, self.k))
+        return local.subdomain.particles.position, local.subdomain.particles.velocity
+
+    def solve(self, eta, time):
+        """Find u^{n+1} and v^{n+1} from the local run eta = (U, V). Collective. time : t_n, s."""
+        solution, (position, velocity) = self.solution, eta
+        self._find_displacement(position, time)
+        old = solution.force.copy()
+        solution.evaluate(time + self.dt)
+        self._find_velocity(velocity, old, time + self.dt)
+
+    def _find_displacement(self, position, time):
+        """Step 1."""
+        solution, blended, mesh, dt = self.solution, self.local.blended, self.solution.mesh, self.dt
+        right = solution.right
+        np.multiply(solution.force, 0.5 * dt * dt, out=right)
+        lanes.project_displacement(blended.rows, blended.cell, blended.shape, blended.alpha, blended.inside, blended.before, blended.velocity_before, blended.moment,
+                                   position, blended.density, dt, self.local.volume, mesh.cells, right)
+        solution.gather_right()
+        self._divide(dt)
+        solution.steer(time, dt)
+        solution.refresh_change()
+        add_where(self._standard, solution.change, solution.displacement)
+        lanes.blend_state(blended.rows, blended.inside, blended.alpha, blended.before, position, self.local.subdomain.particles.velocity, False)
+        self._add_to_points(position)
+        self.local.refresh()
+        self.settle()
+
+    def _find_velocity(self, velocity, old, time):
+        """Step 2; old : the forces of elements at the start of the step."""
+        solution, blended, mesh, dt = self.solution, self.local.blended, self.solution.mesh, self.dt
+        right = solution.right
+        np.add(old, solution.force, out=right)
+        right *= 0.5 * dt
+        lanes.project_velocity(blended.rows, blended.cell, blended.shape, blended.alpha, blended.inside, blended.velocity_before, blended.impulse, velocity, blended.density,
+                               self.local.volume, mesh.cells, right)
+        solution.gather_right()
+        self._divide(1.0)
+        solution.settle_motions(time)
+        solution.refresh_change()
+        lanes.blend_state(blended.rows, blended.inside, blended.alpha, blended.before, self.local.subdomain.particles.position, velocity, True)
+        self._add_to_points(velocity)
+        solution.accept_velocity(self._standard, dt)
+
+    def _divide(self, factor):
+        """Solve M^ change = right + factor m v, m the lumped mass outside."""
+        solution, n = self.solution, self.solution.mesh.n_owned
+        right, outer = solution.right, self._outer
+        right[:n] += factor * solution.outside_mass[:n, None] * solution.velocity[:n]
+        solution.change[outer] = right[outer] * self._inverse_mass
+        self.mass.solve(right, solution.change)
+
+    def _add_to_points(self, field):
+        points, solution = self.local.points, self.solution
+        lanes.add_nodal(points.slots, points.cell, points.start, points.shape, solution.mesh.cells, solution.change, field)
+
+
+@kernel
+def add_where(chosen, source, target):
+    """target[chosen] += source[chosen]; chosen (n,) bool, source, target (n, dim)."""
+    for n in range(len(chosen)):
+        if chosen[n]:
+            for d in range(source.shape[1]):
+                target[n, d] += source[n, d]

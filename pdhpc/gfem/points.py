@@ -1,0 +1,90 @@
+"""The particles of a lattice as the points of a mesh's cells: which slots lie in which cell, and the values of its functions there."""
+from typing import NamedTuple
+
+import numpy as np
+
+from pdhpc.jit import kernel
+from pdhpc.kernels.family import MIXED
+
+
+class Points(NamedTuple):
+    """The particles of some cells, cell by cell.
+
+    slots (n,) int64, of the particles; cell (n_cells,) int32, local cells of the mesh; start (n_cells + 1,) int64: those of cell c are start[c] ... start[c + 1] - 1;
+    shape (n, corners), values of the cell's functions at each; mass (n,), rho V, kg.
+    """
+
+    slots: np.ndarray
+    cell: np.ndarray
+    start: np.ndarray
+    shape: np.ndarray
+    mass: np.ndarray
+
+
+class CellLattice:
+    """How the lattice of a Subdomain lies in the cells of a box mesh: `ratio` particles along each side of a cell.
+
+    Slots follow from a cell's index by arithmetic; nothing is stored per particle.
+
+    Attributes
+    ----------
+    spacing, m. origin : (dim,), m, the first cell of the lattice's grid; step, cells : of its LatticeArrays.
+    template : (ratio^dim, dim) int64, cells of the lattice in one of the mesh. shape (ratio^dim, corners), gradient (ratio^dim, corners, dim), 1/m: of its
+    functions there. corner_gradient : at the particles in its corners.
+    """
+
+    def __init__(self, mesh, subdomain, element, spacing):
+        """mesh : fem.mesh.Mesh of a box. subdomain : Subdomain on a lattice whose spacing divides the mesh's cells. element : of fem/elements.py."""
+        self.mesh, self._subdomain = mesh, subdomain
+        arrays, dim = subdomain.bonds.arrays, mesh.dim
+        self.spacing = spacing
+        self.ratio = int(round(mesh.cell_size[0] / self.spacing))
+        self.template = np.stack(np.meshgrid(*[np.arange(self.ratio)] * dim, indexing="ij"), axis=-1).reshape(-1, dim)
+        inside = (self.template + 0.5) / self.ratio
+        self.shape, self.gradient = element.shape(inside), element.gradient(inside) / mesh.cell_size
+        corners = np.where(np.isin(self.template, (0, self.ratio - 1)).all(axis=1))[0]
+        self.corner_gradient = np.ascontiguousarray(self.gradient[corners])
+        self.step, self.cells = arrays.step[:dim], arrays.cells[:dim]
+        self.origin = np.array([arrays.coordinate[axis, 0] for axis in range(dim)])
+
+    def slots_of(self, cells):
+        """Return (n_cells, ratio^dim) int64: the slots of the particles of local cells, -1 where there is none on this rank. Local."""
+        lower = self.mesh.points[self.mesh.cells[cells, 0]]
+        first = np.rint((lower + 0.5 * self.spacing - self.origin) / self.spacing).astype(np.int64)
+        slots = np.empty((len(cells), len(self.template)), np.int64)
+        _slots_of(first, self.template, self.step, self.cells, self._subdomain.particles.block, slots)
+        return slots
+
+    def points_of(self, cells, density):
+        """Return the Points of local cells, every particle that this rank holds; density (n_block,), kg/m^3. Local."""
+        slots = self.slots_of(cells)
+        there = slots >= 0
+        start = np.concatenate(([0], np.cumsum(there.sum(axis=1))))
+        particles, chosen = self._subdomain.particles, slots[there]
+        mass = density[particles.block[chosen]] * particles.volume[chosen]
+        number = np.broadcast_to(np.arange(len(self.template)), slots.shape)[there]
+        return Points(chosen, np.asarray(cells, np.int32), start, self.shape[number], mass)
+
+
+@kernel
+def _slots_of(first, template, step, cells, block, slots):
+    for c in range(len(first)):
+        for p in range(len(template)):
+            slot, inside = np.int64(0), True
+            for d in range(template.shape[1]):
+                index = first[c, d] + template[p, d]
+                inside = inside and 0 <= index < cells[d]
+                slot += index * step[d]
+            slots[c, p] = slot if inside and block[slot] != MIXED else -1
+
+
+@kernel
+def interpolate(cells, points_cell, shape, values, result):
+    """Store sum_i N_i values[i] at points in result (n, width); points_cell (n,) local cells, shape (n, corners), values (n_vertices, width)."""
+    for p in range(len(points_cell)):
+        corner = cells[points_cell[p]]
+        for d in range(values.shape[1]):
+            total = 0.0
+            for a in range(shape.shape[1]):
+                total += shape[p, a] * values[corner[a], d]
+            result[p, d] = total

@@ -1,0 +1,31 @@
+// A quarter of a square plate with a round hole: radius 1 m, half width and half height 20 m; quadrilaterals that grow with the distance from the hole.
+// gmsh -2 plate_with_hole.geo -o plate_with_hole.msh; finer with -setnumber around 32 -setnumber outward 60
+DefineConstant[ around = 16, outward = 40, radius = 1, side = 20 ];
+Point(1) = {0, 0, 0};
+Point(2) = {radius, 0, 0};
+Point(3) = {side, 0, 0};
+Point(4) = {side, side, 0};
+Point(5) = {0, side, 0};
+Point(6) = {0, radius, 0};
+Point(7) = {radius * Sqrt(0.5), radius * Sqrt(0.5), 0};
+Line(1) = {2, 3};
+Line(2) = {3, 4};
+Line(3) = {4, 5};
+Line(4) = {6, 5};
+Line(5) = {7, 4};
+Circle(6) = {2, 1, 7};
+Circle(7) = {7, 1, 6};
+Curve Loop(1) = {1, 2, -5, -6};
+Curve Loop(2) = {5, 3, -4, -7};
+Plane Surface(1) = {1};
+Plane Surface(2) = {2};
+Transfinite Curve {2, 3, 6, 7} = around + 1;
+Transfinite Curve {1, 4, 5} = outward + 1 Using Progression 1.09;
+Transfinite Surface {1, 2};
+Recombine Surface {1, 2};
+Physical Surface("plate") = {1, 2};
+Physical Curve("bottom") = {1};
+Physical Curve("right") = {2};
+Physical Curve("top") = {3};
+Physical Curve("left") = {4};
+Physical Curve("hole") = {6, 7};

@@ -1,0 +1,38 @@
+"""What scenes with finite elements fill in by themselves."""
+from pathlib import Path
+
+import pytest
+
+from pdhpc.scene.methods import ACTIVATION, TOLERANCE, Fem, Gfem
+from pdhpc.scene.read import parse_scene, read_scene
+from tests.unit.scene.test_mesh_rules import FEM, GFEM
+
+HERE = Path(__file__).resolve().parent
+
+
+def test_tables_may_be_left_out():
+    scene = parse_scene(GFEM, "a")
+    assert scene.fem == Fem() and scene.gfem == Gfem() and scene.moduli == "lattice" and scene.safety == 0.75 and scene.uses_mesh and scene.uses_lattice
+    scene = parse_scene(FEM, "a")
+    assert scene.fem == Fem() and scene.gfem is None and scene.moduli == "continuum" and scene.safety == 0.9 and not scene.uses_lattice
+    assert scene.pitch == 0.5 and scene.thickness == 1.0
+
+
+def test_what_is_resolved_says_what_is_used():
+    data = parse_scene(GFEM, "a", ["gfem.scheme=galerkin"]).resolved()
+    assert data["gfem"]["activation"] == ACTIVATION and data["gfem"]["tolerance"] == TOLERANCE and data["fem"]["moduli"] == "lattice" and data["time"]["safety"] == 0.75
+    data = parse_scene(GFEM, "a", ["gfem.everywhere=true"]).resolved()
+    assert "activation" not in data["gfem"] and "tolerance" not in data["gfem"]
+    assert "fem" not in parse_scene(FEM, "a", ["model=particles", "particles={spacing=0.5, horizon=1.5}"]).resolved()
+
+
+@pytest.mark.parametrize("overrides, thickness", [([], 1.0), (["mesh.thickness=0.2"], 0.2), (["particles={spacing=0.5, horizon=1.5, thickness=0.3}"], 0.3)])
+def test_thickness_stands_in_either_table(overrides, thickness):
+    scene = parse_scene(FEM, "a", overrides)
+    holder = scene.resolved()["particles" if scene.particles else "mesh"]
+    assert scene.thickness == thickness == holder["thickness"]
+
+
+def test_bodies_from_a_file():
+    scene = read_scene(HERE / "everything_fem.toml")
+    assert scene.from_file and scene.body[0].hole == () and scene.region[0].body is None and scene.pitch is None
