@@ -6,6 +6,7 @@ from time import perf_counter
 
 import numpy as np
 
+from pdhpc.gfem.ghost_force import ghost_force
 from pdhpc.gfem.patches import largest_principal_strains
 from pdhpc.gfem.view import CoupledView
 from pdhpc.kernels import blend
@@ -158,6 +159,12 @@ class CoupledStep:
             "dissipated_energy": particles.owned(particles.dissipated),
             "external_work": np.concatenate([self.solution.external_work(), local.external_work()]),
         }
+
+    def ghost_force(self):
+        """Return the largest force on a vertex inside the body under uniform strain, over sigma H: 0 if the blend were perfect. Collective."""
+        found = largest(self.comm, ghost_force(self.local, self.solution))
+        self.solution.evaluate(self.time)
+        return found
 
     def state(self):
         """Return {key: (getter, setter)} of everything a continued run needs."""

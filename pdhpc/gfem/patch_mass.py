@@ -51,3 +51,7 @@ class PatchMass:
         change[self.inner] = self._solver.solve(right[self.inner].ravel()).reshape(-1, self.mesh.dim)
         self.iterations += self._solver.iterations
         self.failure = self.failure or self._solver.failure
+
+    def condition(self):
+        """Return an estimate of the condition number of the scaled matrix on K. Collective."""
+        return self._solver.condition()

@@ -16,10 +16,15 @@ from pdhpc.jit import kernel
 
 
 class Pinned:
-    """Scheme "pinned" of a coupled step."""
+    """Scheme "pinned" of a coupled step.
+
+    Attributes
+    ----------
+    mass : PatchMass. enriched : [(dim,) functions enriched on this rank] of displacements and velocities: all of J. lost : kinetic energy lost in projections.
+    """
 
     name = "pinned"
-    loss = 0.0  # nothing is projected where alpha = 1
+    lost = 0.0  # J: nothing is projected where alpha = 1
 
     def __init__(self, solution, local, mass, dt, k):
         """solution : MeshSolution. local : LocalParticles. mass : PatchMass. dt, s, of k sub-steps."""
@@ -39,6 +44,7 @@ class Pinned:
         self._outer = np.flatnonzero(~inner)
         self._inverse_mass = 1.0 / solution.outside_mass[self._outer, None]
         self._standard = ~patches.chosen
+        self.enriched = [np.full(mesh.dim, int(patches.chosen[owned].sum()))] * 2
         mixed = patches.touched(patches.enriched & ~patches.whole)
         self._means = VertexMeans(self.local.lattice, self.local.subdomain, np.flatnonzero((mixed & patches.chosen)[owned]))
         self.settle()
@@ -47,15 +53,6 @@ class Pinned:
         """Bring what follows from the particles, nodal means in J and forces of elements, up to date. Collective over neighbours."""
         self._means.store(self.local.subdomain.particles.position, self.solution.displacement)
         self.solution.refresh("displacement")
-
-    def enriched(self):
-        """Return (dofs in x, in y) that carry the enrichment: J, of this rank's vertices. Local."""
-        count = int((~self._standard[: self.solution.mesh.n_owned]).sum())
-        return count, count
-
-    def condition(self):
-        """Return an estimate of the condition number of the scaled mass matrix. Collective."""
-        return self.mass.condition()
 
     def reconstruct(self):
         """Take the local run as it is: eta = U - u^n in the space of displacements, V in that of velocities, both at the particles, with the coefficient 1. Local."""

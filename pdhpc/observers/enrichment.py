@@ -28,7 +28,7 @@ class Enrichment:
         ledger = stepper.ledger()
         stored = [exact_sum(comm, np.concatenate([solution.kinetic_energies(), solution.strain_energies()]))]
         stored.append(exact_sum(comm, np.concatenate([ledger["kinetic_energy"], ledger["strain_energy"]])) - stored[0])
-        enriched = comm.allreduce(np.array(stepper.scheme.enriched(), np.int64))
+        enriched = comm.allreduce(np.asarray(stepper.scheme.enriched[0], np.int64))
         self.latest = {
             "active_share": comm.allreduce(len(local.points.slots)) / self._total,
             "enriched_x": int(enriched[0]),
@@ -36,8 +36,8 @@ class Enrichment:
             "energy_elements": stored[0],
             "energy_particles": stored[1],
             "mass_iterations": int(largest(comm, stepper.scheme.mass.iterations)),
-            "mass_condition": stepper.scheme.condition(),
-            "projection_loss": stepper.scheme.loss,
+            "mass_condition": stepper.scheme.mass.condition(),
+            "projection_loss": comm.allreduce(stepper.scheme.lost),
             "ghost_force": stepper.ghost_force(),
             "patches": int(comm.allreduce(int(stepper.patches.chosen[: solution.mesh.n_owned].sum()))),
         }

@@ -88,6 +88,24 @@ class LinearSolver:
         return self._x.getArray().copy()
 
 
+    def condition(self):
+        """Return an estimate, from below, of the condition number of the preconditioned operator, from CG's iterations for one right side. Collective."""
+        if self._n == 0:
+            return 1.0
+        first, last = self._x.getOwnershipRange()
+        self._right.getArray()[...] = np.cos(2.4 * np.arange(first, last) ** 1.5)  # of no structure
+        self._x.set(0.0)
+        ksp = type(self._ksp)().create(self._ksp.getComm())  # CG makes room for its coefficients when it is set up
+        ksp.setOperators(*self._ksp.getOperators())
+        ksp.setPC(self._ksp.getPC())
+        ksp.setType("cg")
+        ksp.setComputeSingularValues(True)
+        ksp.setTolerances(rtol=1e-6, atol=1e-300, max_it=200)
+        ksp.solve(self._right, self._x)
+        most, least = ksp.computeExtremeSingularValues()
+        return most / least if least > 0.0 else np.inf
+
+
 class AssembledSolver:
     """KSP on a matrix given by rows, preconditioned by its diagonal; PETSc's options of the given prefix take precedence over the defaults.
 

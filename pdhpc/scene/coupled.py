@@ -8,6 +8,8 @@ from pdhpc.fem.elements import ELEMENTS
 from pdhpc.fem.mesh import cell_partition, make_box_mesh
 from pdhpc.fem.moduli import isotropic
 from pdhpc.gfem.coupled_step import CoupledStep
+from pdhpc.gfem.enrichment import EnrichedSpace
+from pdhpc.gfem.galerkin import Galerkin
 from pdhpc.gfem.lattice_material import LatticeMaterial
 from pdhpc.gfem.loads import ParticleLoad
 from pdhpc.gfem.local_particles import LocalParticles
@@ -23,7 +25,7 @@ from pdhpc.scene.body import make_body, make_shape
 from pdhpc.scene.build import cut_cracks
 from pdhpc.scene.conditions import force_densities, select_particles, time_function
 from pdhpc.scene.mesh_rules import LARGEST_SHARE
-from pdhpc.scene.methods import ACTIVATION
+from pdhpc.scene.methods import ACTIVATION, TOLERANCE
 from pdhpc.scene.parts import make_part
 from pdhpc.scene.problem import Problem
 from pdhpc.scene.schema import POISSONS_RATIO
@@ -135,11 +137,18 @@ class CoupledParts:
     def stepper(self, dt, k):
         """Return the CoupledStep of global steps dt, s, with k sub-steps. Collective."""
         setting, mesh = self.scene.gfem, self.mesh
-        scheme = Pinned(self.solution, self.local, PatchMass(self.comm, mesh, self.material), dt, k)
+        scheme = self._scheme(dt, k)
         stepper = CoupledStep(self.comm, self.patches, self.local, self.solution, scheme, ACTIVATION if setting.activation is None else setting.activation)
         self.patches.add(np.ones(mesh.n_owned_cells, bool) if setting.everywhere else self._cracked())
         stepper.follow()
         return stepper
+
+    def _scheme(self, dt, k):
+        """Return what fills in the verbs of a coupled step."""
+        setting = self.scene.gfem
+        if setting.scheme == "galerkin":
+            return Galerkin(self.solution, self.local, EnrichedSpace(self.mesh), dt, k, TOLERANCE if setting.tolerance is None else setting.tolerance)
+        return Pinned(self.solution, self.local, PatchMass(self.comm, self.mesh, self.material), dt, k)
 
     def _cracked(self):
         """Return (n_owned_cells,) bool, cells with a particle that has lost a bond to a pre-crack."""

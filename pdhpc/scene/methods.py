@@ -1,7 +1,7 @@
 """The mesh, the finite elements and their coupling with particles as tables of the scene."""
 from typing import Literal, Optional
 
-from pdhpc.scene.fields import AutoOrRatio, Flag, Fraction, Positive, Table, Text, key
+from pdhpc.scene.fields import AutoOrRatio, Flag, Fraction, NotNegative, Positive, Table, Text, key
 
 
 class Mesh(Table):
@@ -38,7 +38,7 @@ class Gfem(Table):
         "step's end in the place of its mean, and literal: stress from the gradients of the enrichment", "", "see README", default="pinned")
     activation: Optional[Fraction] = key(
         "share theta of the critical stretch: a bond beyond it activates the patches of its cell (default 0.6)", "1", "s > theta s0", default=None)
-    tolerance: Optional[Positive] = key(
+    tolerance: Optional[NotNegative] = key(
         'residual of the enrichment on a patch above which its degrees of freedom are enriched (default 0.02); none with scheme = "pinned"', "1",
         "||eta - P eta|| / ||eta|| > tolerance", default=None)
     substeps: AutoOrRatio = key('k, steps of the local particles in a global step; "auto": the fewest that they are stable with', "1", default="auto")
