@@ -151,7 +151,7 @@ class LocalParticles:
         mixed = np.unique(owned[status == 1] // LANES)
         self.rows = (np.setdiff1d(swept, mixed, assume_unique=True) * LANES).astype(np.int32)
         self.moving = (np.unique(self.points.slots // LANES) * LANES).astype(np.int32)
-        mark_kinds(arrays.offset, self.subdomain.particles.block, (swept * LANES).astype(np.int32), arrays.kind)
+        mark_kinds(arrays.offset, self._block, (swept * LANES).astype(np.int32), arrays.kind)  # a collar has the moduli of its material
         lane = (mixed[:, None] * LANES + np.arange(LANES)).ravel()
         mine = np.zeros(len(self.alpha), bool)
         mine[owned] = True
@@ -216,17 +216,39 @@ class LocalParticles:
     def _forces(self, weight, moment_weight, time):
         """Evaluate forces, breaking bonds, and add their blended part, times these weights, to the impulses."""
         started = perf_counter()
-        domain, particles, blended = self.subdomain, self.subdomain.particles, self.blended
-        arrays, points, law, third = domain.bonds.arrays, domain.points, self.law, self._third
-        broken = sweeps.bond_forces(arrays, points, law, None, True, third, self.rows, particles.force_density, particles.dissipated)
-        weights = np.array([weight, moment_weight])
-        broken += blend.blended_forces(arrays, points, law, third, blended.rows, self.alpha, particles.force_density, particles.dissipated, weights,
-                                       blended.impulse, blended.moment)
-        self.broken += broken
-        self.bond_evaluations += LANES * (len(self.rows) + len(blended.rows)) * len(arrays.offset)
+        particles = self.subdomain.particles
+        self.broken += self._sweep(self.subdomain.bonds.arrays, self.law, np.array([weight, moment_weight]))
         for load in self.acting:
             load.add_to(particles.force_density, time)
         self.seconds["force"] += perf_counter() - started
+
+    def _sweep(self, bonds, law, weights):
+        """Evaluate forces and add their blended part, times the two weights, to the impulses and moments; return the directed bonds that broke. Local."""
+        domain, particles, blended = self.subdomain, self.subdomain.particles, self.blended
+        broken = sweeps.bond_forces(bonds, domain.points, law, None, True, self._third, self.rows, particles.force_density, particles.dissipated)
+        broken += blend.blended_forces(bonds, domain.points, law, self._third, blended.rows, self.alpha, particles.force_density, particles.dissipated, weights,
+                                       blended.impulse, blended.moment)
+        self.bond_evaluations += LANES * (len(self.rows) + len(blended.rows)) * len(bonds.offset)
+        return broken
+
+    def evaluate(self, time=None):
+        """Store the present blended forces F^alpha in the impulses, N/m^3, whole ones in force_density, loads at `time`, s, included. Collective over neighbours.
+
+        The collar stands where hold_collar has put it. Without a time there are no loads, and no bond breaks: linear in the displacements.
+        """
+        particles, blended, bonds, law = self.subdomain.particles, self.blended, self.subdomain.bonds.arrays, self.law
+        blended.impulse[:] = 0.0
+        blended.moment[:] = 0.0
+        self._place_collar(0.0)
+        self.refresh()
+        if time is None:
+            bonds, law = bonds._replace(trigger=np.full_like(bonds.trigger, np.inf)), law._replace(break_at=np.full_like(law.break_at, np.inf))
+        self.broken += self._sweep(bonds, law, np.array([1.0, 0.0]))
+        if time is not None:
+            for load in self.acting:
+                load.add_to(particles.force_density, time)
+            for load in self.acting_on_lanes:
+                load.add_to(blended, load.time_function.value(time), 0.0)
 
     def _drift(self, kick, tau):
         started = perf_counter()
