@@ -199,7 +199,7 @@ class LocalParticles:
         """Evaluate forces and add their blended part, times the two weights, to the impulses and moments; return the directed bonds that broke. Local."""
         domain, particles, blended = self.subdomain, self.subdomain.particles, self.blended
         broken = sweeps.bond_forces(bonds, domain.points, law, None, True, self._third, self.rows, particles.force_density, particles.dissipated)
-        broken += blend.blended_forces(bonds, domain.points, law, self._third, blended.rows, self.alpha, particles.force_density, particles.dissipated, weights,
+        broken += blend.blended_forces(bonds, domain.points, law, self._third, blended.rows, self.alpha, self._inverse_density, particles.force_density, particles.dissipated, weights,
                                        blended.impulse, blended.moment)
         self.bond_evaluations += LANES * (len(self.rows) + len(blended.rows)) * len(bonds.offset)
         return broken
