@@ -8,8 +8,8 @@ HELD = """
 [[region]]
 name = "left"
 shape = "box"
-lower = [-12.0, -8.0]
-upper = [-12.0, 8.0]
+lower = [-12.5, -8.0]
+upper = [-11.5, 8.0]
 [[load]]
 type = "velocity"
 region = "left"
