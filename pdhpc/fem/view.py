@@ -27,7 +27,7 @@ class MeshView:
         unit[0] = 1.0
         self.volume = np.ascontiguousarray(body_loads(body, nodes.stars, unit)[:, 0])
         start, cell, _ = nodes.stars
-        self.block = body.kind[cell[start[:-1]]].astype(np.uint8) if mesh.n_owned else np.zeros(0, np.uint8)
+        self.block = np.minimum(body.kind[cell[start[:-1]]], 255).astype(np.uint8) if mesh.n_owned else np.zeros(0, np.uint8)
         self.cells = Cells(mesh.kind, _rows(mesh)[mesh.cells[: mesh.n_owned_cells]])
         self._corner_gradient = ELEMENTS[mesh.kind].gradient(ELEMENTS[mesh.kind].places)
         self._ghosts = nodes.exchange.bind(nodes.displacement)

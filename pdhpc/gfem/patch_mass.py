@@ -1,7 +1,7 @@
 """The mass matrix M^ of the coupled space: consistent on enriched cells, lumped by row sums outside."""
 import numpy as np
-from scipy.sparse import coo_matrix
 
+from pdhpc.jit import kernel
 from pdhpc.parallel.linear_solver import AssembledSolver, Defaults, first_row
 
 
@@ -36,18 +36,15 @@ class PatchMass:
         shared = mesh.exchange.bind(number)
         shared.refresh()
         shared.free()
-        cells = mesh.cells[patches.enriched]
-        corners = cells.shape[1]
-        row, column = np.repeat(cells, corners, axis=1).ravel(), np.tile(cells, (1, corners)).ravel()
-        mine = row < mesh.n_owned
-        local = np.zeros(mesh.n_owned, np.int64)
-        local[self.inner] = np.arange(len(self.inner))
-        entries = self._mass[patches.enriched].ravel()[mine], (local[row[mine]], number[column[mine], 0].astype(np.int64))
-        total = int(self._comm.allreduce(len(self.inner)))
-        matrix = coo_matrix(entries, (len(self.inner), max(total, 1))).tocsr()
-        matrix += coo_matrix((outside_mass[self.inner], (np.arange(len(self.inner)), number[self.inner, 0].astype(np.int64))), matrix.shape).tocsr()
-        matrix.sort_indices()
-        self._solver = _solver_of_components(self._comm, matrix, dim, self._tolerance)
+        row_of = np.full(len(mesh.points), -1, np.int32)
+        row_of[self.inner] = np.arange(len(self.inner))
+        chosen = np.flatnonzero(patches.enriched).astype(np.int32)
+        most = 3**dim
+        columns, values = np.full((len(self.inner), most), -1, np.int64), np.zeros((len(self.inner), most))
+        _gather_rows(mesh.cells, chosen, self._mass, row_of, number[:, 0].astype(np.int64), columns, values)
+        own = np.argmax(columns == number[self.inner].astype(np.int64), axis=1) if len(self.inner) else np.zeros(0, np.int64)
+        values[np.arange(len(self.inner)), own] += outside_mass[self.inner]
+        self._solver = _solver_of_components(self._comm, columns, values, dim, self._tolerance)
 
     def solve(self, right, change):
         """Store M^^-1 right in change at the owned vertices of K; both (n_vertices, dim), right complete at owned vertices. Collective."""
@@ -60,13 +57,29 @@ class PatchMass:
         return self._solver.condition()
 
 
-def _solver_of_components(comm, matrix, dim, tolerance):
-    """Return the solver of a scalar matrix (csr) for all components at once, those of a vertex after each other. Collective."""
-    lengths = np.repeat(np.diff(matrix.indptr), dim)
-    indptr = np.concatenate(([0], np.cumsum(lengths)))
-    start = np.repeat(matrix.indptr[:-1], dim)
-    take = np.repeat(start - indptr[:-1], lengths) + np.arange(indptr[-1])
-    component = np.repeat(np.tile(np.arange(dim), matrix.shape[0]), lengths)
-    solver = AssembledSolver(comm, "gfem_", Defaults("cg", tolerance), indptr, matrix.indices[take].astype(np.int64) * dim + component)
-    solver.fill(matrix.data[take])
+def _solver_of_components(comm, columns, values, dim, tolerance):
+    """Return the solver of a scalar matrix, rows (n, most) with -1 where there is no entry, for all components at once, a vertex's after each other. Collective."""
+    there = np.repeat(columns >= 0, dim, axis=0)
+    component = np.tile(np.arange(dim), len(columns))[:, None]
+    indptr = np.concatenate(([0], np.cumsum(there.sum(axis=1))))
+    solver = AssembledSolver(comm, "gfem_", Defaults("cg", tolerance), indptr, (np.repeat(columns, dim, axis=0) * dim + component)[there])
+    solver.fill(np.repeat(values, dim, axis=0)[there])
     return solver
+
+
+@kernel
+def _gather_rows(cells, chosen, mass, row_of, number, columns, values):
+    """Sum the masses (n_cells, corners^2) of cells chosen (n,) into rows: columns (n_rows, most) hold the numbers of vertices, in the order they are met."""
+    corners = cells.shape[1]
+    for n in range(len(chosen)):
+        corner = cells[chosen[n]]
+        for a in range(corners):
+            row = row_of[corner[a]]
+            if row < 0:
+                continue
+            for b in range(corners):
+                column, at = number[corner[b]], 0
+                while columns[row, at] >= 0 and columns[row, at] != column:
+                    at += 1
+                columns[row, at] = column
+                values[row, at] += mass[chosen[n], a * corners + b]

@@ -14,6 +14,7 @@ from pdhpc.fem.internal_forces import InternalForces, make_sweep
 from pdhpc.fem.nodes import Nodes
 from pdhpc.fem.view import MeshView
 from pdhpc.parallel.comm import largest, smallest
+from pdhpc.scene.lattice_elasticity import make_lattice_elasticity
 from pdhpc.scene.mesh_body import MeshBody, checked_locally, make_mesh_body, moduli_of
 from pdhpc.scene.mesh_sets import MeshSets, make_loads, set_initial_state
 from pdhpc.scene.steps import choose_step
@@ -103,7 +104,10 @@ def build_elastic(scene, comm):
     explicit = scene.fem.integration == "explicit"
     body = make_mesh_body(scene, comm)
     _check_probes(scene, body.mesh, comm)
-    elasticity = checked_locally(scene, comm, _make_elasticity, scene, body)
+    if scene.moduli == "lattice":
+        elasticity = make_lattice_elasticity(scene, body, comm)
+    else:
+        elasticity = checked_locally(scene, comm, _make_elasticity, scene, body)
     nodes = Nodes(body.mesh) if explicit else Nodes(body.mesh, False, elasticity.width)
     if explicit:
         nodes.set_mass(checked_locally(scene, comm, elasticity.lumped_mass, nodes.stars))

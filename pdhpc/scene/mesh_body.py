@@ -1,12 +1,13 @@
 """Scene -> the mesh of its bodies, and what tells its cells apart."""
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, Optional
 
 import numpy as np
 
 from pdhpc.fem.mesh import Mesh, cell_partition, make_box_mesh, read_mesh
 from pdhpc.fem.moduli import isotropic
 from pdhpc.parallel.comm import agree_on_error
+from pdhpc.parallel.partition import Partition
 from pdhpc.scene.body import make_shape
 from pdhpc.scene.schema import POISSONS_RATIO
 from pdhpc.scene.sections import section
@@ -15,11 +16,15 @@ _WEIGHT = 16  # of a cell in the partition of a box; one that is left out counts
 
 
 class MeshBody(NamedTuple):
-    """The bodies of a scene as cells: mesh; number (n_cells,) int32, the body of each local cell; kind (n_cells,) int32, its material."""
+    """The bodies of a scene as cells.
+
+    mesh. number (n_cells,) int32 : the body of each local cell. kind (n_cells,) int32 : its material. partition : of a box, None of a file.
+    """
 
     mesh: Mesh
     number: np.ndarray
     kind: np.ndarray
+    partition: Optional[Partition]
 
 
 def make_mesh_body(scene, comm):
@@ -29,10 +34,10 @@ def make_mesh_body(scene, comm):
     ------
     SceneError, on every rank: no cell is left; a file that cannot be read, holds another dimension, or lacks a group; cells in no body, or in two.
     """
-    mesh, number = (_read if scene.from_file else _fill)(scene, comm)
+    mesh, number, partition = (_read if scene.from_file else _fill)(scene, comm)
     names = [material.name for material in scene.material]
     material = np.array([names.index(body.material) for body in scene.body], np.int32)
-    return MeshBody(mesh, number, material[number])
+    return MeshBody(mesh, number, material[number], partition)
 
 
 def box_of(scene):
@@ -54,7 +59,7 @@ def body_of_cells(scene, centres):
 
 
 def _fill(scene, comm):
-    """Return (Mesh, body of each local cell) of boxes. Collective."""
+    """Return (Mesh, body of each local cell, Partition) of boxes. Collective."""
     lower, upper, counts = box_of(scene)
     whole = len(scene.body) == 1 and not scene.body[0].hole
 
@@ -69,11 +74,12 @@ def _fill(scene, comm):
         mesh = make_box_mesh(comm, lower, upper, counts, partition, None if whole else keep)
     except ValueError as error:
         raise scene.error("body", str(error), "bodies that are not wholly a hole") from error
-    return mesh, np.zeros(len(mesh.cells), np.int32) if whole else body_of_cells(scene, mesh.points[mesh.cells].mean(axis=1))
+    number = np.zeros(len(mesh.cells), np.int32) if whole else body_of_cells(scene, mesh.points[mesh.cells].mean(axis=1))
+    return mesh, number, partition
 
 
 def _read(scene, comm):
-    """Return (Mesh, body of each local cell) of a file. Collective."""
+    """Return (Mesh, body of each local cell, None) of a file. Collective."""
     path = Path(scene.source).parent / scene.mesh.file
     try:
         mesh = read_mesh(comm, path)
@@ -92,7 +98,7 @@ def _read(scene, comm):
     left = comm.allreduce(int(np.count_nonzero(number[: mesh.n_owned_cells] < 0)))
     if left:
         raise scene.error("body", f"{left} of {mesh.n_global_cells} cells of {scene.mesh.file} in no body", "bodies whose groups hold all cells")
-    return mesh, number
+    return mesh, number, None
 
 
 def cells_of_group(scene, comm, mesh, name, key):
