@@ -12,11 +12,10 @@ def print_summary(record, directory, pictures):
     rows = [
         ("scene", record["title"] or record["scene_file"]),
         ("ranks", str(record["ranks"])),
-        ("path", record["path"]),
-        ("particles, bonds", f"{record['particles']:,}, {record['bonds']:,}"),
-        ("steps, dt", f"{record['steps']:,}, {record['dt']:.4g} s (critical {record['critical_dt']:.4g} s)"),
+        *_body_rows(record),
+        ("steps, dt", f"{record['steps']:,}, {record['dt']:.4g} s" + (f" (critical {record['critical_dt']:.4g} s)" if math.isfinite(record["critical_dt"]) else "")),
         ("wall time", "  ".join(f"{name} {value:.2f} s" for name, value in seconds.items())),
-        ("speed", _rate(record["particle_steps_per_second_and_core"])),
+        *_speed_rows(record),
         ("broken bonds", f"{record['broken_bonds']:,}"),
         *((name.replace("_", " "), f"{value:.6g} J") for name, value in record["energies"].items()),
         ("balance error", f"{record['balance_error_relative'] or 0:.2e} of the largest energy"),
@@ -30,8 +29,27 @@ def print_summary(record, directory, pictures):
         print(f"picture: {picture}")
 
 
-def _rate(rate):
-    return "-" if rate is None else f"{rate / 1e6:.3f} million particle-steps per second and core"
+def _body_rows(record):
+    """Return the rows that say what the body is made of."""
+    rows = []
+    if "cells" in record:
+        rows.append(("cells, vertices, dofs", f"{record['cells']:,} ({record['cell_kind']}), {record['vertices']:,}, {record['dofs']:,}"))
+        rows.append(("integration, moduli", f"{record['integration']}, {record['moduli']}"))
+    if "particles" in record:
+        rows += [("path", record["path"]), ("particles, bonds", f"{record['particles']:,}, {record['bonds']:,}")]
+    return rows
+
+
+def _speed_rows(record):
+    """Return the rows that say how fast it went."""
+    rows = []
+    for name in ("particle", "cell"):
+        if f"{name}_steps_per_second_and_core" in record:
+            rate = record[f"{name}_steps_per_second_and_core"]
+            rows.append(("speed", "-" if rate is None else f"{rate / 1e6:.3f} million {name}-steps per second and core"))
+    if record.get("ksp_iterations"):
+        rows.append(("KSP iterations", f"{record['ksp_iterations']:,}"))
+    return rows
 
 
 def _tip(tip):
@@ -63,7 +81,9 @@ def _console():
 
 
 def print_check(scene, ranks):
-    """Print what a scene would do: particles, bonds, steps, memory, time."""
+    """Print what a scene would do: particles and bonds, or cells and vertices, steps, memory, time."""
+    if scene.model == "fem":
+        return _print_mesh_check(scene, ranks)
     from pdhpc.study.estimate import estimate
 
     found = estimate(scene, ranks)
@@ -81,6 +101,29 @@ def print_check(scene, ranks):
         ("ranks", str(found.ranks)),
         ("memory per rank", f"about {_size(found.memory)}"),
         ("estimated time", f"about {_duration(found.seconds)} (kernels at {found.rate / 1e6:.0f} million bonds per second and core, measured now)"),
+    ])
+    for warning in found.warnings:
+        print(f"warning: {warning}")
+
+
+def _print_mesh_check(scene, ranks):
+    """Print what a scene of finite elements would do."""
+    from pdhpc.study.mesh_estimate import estimate_mesh
+
+    found = estimate_mesh(scene, ranks)
+    about = "" if found.exact else "about "
+    critical = f"{found.critical_dt:.6g} s (2 / omega_max of the lumped mesh, from below)" if math.isfinite(found.critical_dt) else "none: stable at any step"
+    print_rows([
+        ("scene", scene.title or scene.source),
+        ("cells", f"{found.cells:,} ({found.kind})"),
+        ("vertices, dofs", f"{about}{found.vertices:,}, {found.dofs:,}"),
+        ("integration, moduli", f"{found.integration}, {found.moduli}"),
+        ("critical step", critical),
+        ("step", f"{found.dt:.6g} s"),
+        ("steps", f"{found.steps:,}"),
+        ("ranks", str(found.ranks)),
+        ("memory per rank", f"about {_size(found.memory)}"),
+        ("estimated time", f"about {_duration(found.seconds)} (a step at {found.rate / 1e6:.3g} million cells per second and core, measured now)"),
     ])
     for warning in found.warnings:
         print(f"warning: {warning}")

@@ -19,6 +19,7 @@ from pdhpc.output.fields import FieldWriter
 from pdhpc.output.history import History
 from pdhpc.output.record import OutputError, claim_directory, write_json
 from pdhpc.parallel.comm import on_root, world
+from pdhpc.parallel.linear_solver import SolverError
 from pdhpc.run import RunError, drive
 from pdhpc.scene.body import make_body
 from pdhpc.scene.build import build
@@ -26,7 +27,7 @@ from pdhpc.scene.gauges import make_gauges
 from pdhpc.scene.mesh_rules import unused
 from pdhpc.scene.read import parse_scene, read_text
 
-_STEPPING = ("force", "exchange", "wait", "integrate", "assemble", "solve")  # phases of a step
+_STEPPING = ("force", "exchange", "wait", "integrate", "choose", "seed", "reconstruct", "solve")  # phases of a step
 _LARGE_BALANCE_ERROR = 0.02  # relative; a larger one is reported as a warning
 
 
@@ -46,7 +47,8 @@ class Simulation:
         _compile_first_on_each_node(self.comm, scene)
         compiled = time.perf_counter()
         self.problem = build(scene, self.comm)
-        self.stepper = self.problem.stepper()
+        with _solver_errors():
+            self.stepper = self.problem.stepper()
         self.energies, self.probes, self.tips = make_gauges(self.problem, self.stepper.view, self.comm)
         self.coupling = self.problem.coupling(self.stepper, self.comm)
         self.seconds = {"compile": compiled - started, "setup": time.perf_counter() - compiled}
@@ -74,7 +76,8 @@ class Simulation:
             self._write(directory, self._record("running"))
         observers, progress = self._observers(directory, quiet)
         try:
-            drive(self.stepper, self.problem.n_steps, observers, self.seconds)
+            with _solver_errors():
+                drive(self.stepper, self.problem.n_steps, observers, self.seconds)
         except Exception as error:
             progress.close()
             if writes and isinstance(error, (RunError, OutputError)):  # these are raised on every rank
@@ -144,6 +147,15 @@ class Simulation:
         }
 
 
+@contextlib.contextmanager
+def _solver_errors():
+    """Let a linear system that was not solved, which every rank hears of, end the run with its sentence."""
+    try:
+        yield
+    except SolverError as error:
+        raise RunError(str(error)) from error
+
+
 class _Nowhere:
     """History of a run that writes nothing."""
 
@@ -185,11 +197,19 @@ def _compile_first_on_each_node(comm, scene):
 
     node = comm.Split_type(MPI.COMM_TYPE_SHARED)
     if node.rank == 0:
-        from pdhpc.warm_up import compile_coupling, compile_kernels
+        _compile(scene)
+    node.Barrier()
+    node.Free()
 
+
+def _compile(scene):
+    """Compile the kernels that a scene uses. Local."""
+    from pdhpc.warm_up import compile_coupling, compile_kernels, compile_mesh
+
+    if scene.model == "fem":
+        compile_mesh(scene)
+    if scene.uses_lattice:
         path, model, linear = make_body(scene).path.split(":")[0], scene.material[0].model, scene.particles.kinematics == "linear"
         compile_kernels((scene.dim,), (path,), (model,), (linear,))
         if scene.method != "single":
             compile_coupling(scene.dim, path, model, linear)
-    node.Barrier()
-    node.Free()

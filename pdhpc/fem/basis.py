@@ -37,6 +37,14 @@ class Hats:
         """Return (points, weights) for what is no polynomial, such as a difference to a known solution. Local."""
         return self.element.quadrature(4)
 
+    def held_functions(self, across):
+        """Return (n, 1) bool: whether a prescribed displacement holds the functions of vertices on facets; across (n, dim) bool: normal to which axes."""
+        return across.any(axis=1)[:, None]
+
+    def interpolated(self, mesh, values, gradients):
+        """Return unknowns (n, 1, dim), m, that have values (n, dim), m, at vertices. Local."""
+        return values[:, None, :]
+
 
 def rigid_motions(basis, mesh):
     """Return the unknowns (n_vertices, width, 3 or 6) of the rigid motions: along the axes, and around them. Local."""

@@ -13,7 +13,7 @@ def facets_where(mesh, where):
     where : function (centres (n, dim), m, outward unit normals (n, dim)) -> (n,) bool.
     """
     facets, cell = mesh.boundary()
-    centres, normals = mesh.points[facets].mean(axis=1), _normals(mesh, facets)
+    centres, normals = mesh.points[facets].mean(axis=1), outward_normals(mesh, facets)
     chosen = np.asarray(where(centres, normals), bool) if len(facets) else np.zeros(0, bool)
     return facets[chosen], cell[chosen]
 
@@ -124,8 +124,8 @@ def _area_vectors(tangents):
     return np.cross(tangents[..., 0], tangents[..., 1])
 
 
-def _normals(mesh, facets):
-    """Return (n, dim) outward unit normals at the middles of facets."""
+def outward_normals(mesh, facets):
+    """Return (n, dim) outward unit normals at the middles of facets. Local."""
     surface = ELEMENTS[ELEMENTS[mesh.kind].facet]
     along = surface.gradient(surface.places.mean(axis=0))[0]
     area = _area_vectors(np.einsum("fcx,cs->fxs", mesh.points[facets], along))

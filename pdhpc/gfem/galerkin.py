@@ -10,7 +10,6 @@ for all psi of the space; alpha is 1 on enriched cells, so that elements and the
 import numpy as np
 
 from pdhpc.gfem.point_state import PointState
-from pdhpc.parallel.comm import exact_sum
 
 
 class Galerkin:
@@ -18,7 +17,8 @@ class Galerkin:
 
     Attributes
     ----------
-    mass : EnrichedSpace, of velocities between steps. state : PointState.
+    mass : EnrichedSpace, of velocities between steps. state : PointState. enriched : [(dim,) functions enriched on this rank] of displacements and velocities.
+    lost : J, kinetic energy that projections of the velocity have lost so far in whole patches of this rank.
     """
 
     name = "galerkin"
@@ -26,7 +26,7 @@ class Galerkin:
     def __init__(self, solution, local, space, dt, k, tolerance=0.02):
         """solution : MeshSolution. local : LocalParticles. space : EnrichedSpace. dt, s, of k sub-steps. tolerance : of the patch residual."""
         self.solution, self.local, self.mass, self.dt, self.k, self.tolerance = solution, local, space, dt, k, tolerance
-        self.state, self._counts, self._lost = None, np.zeros(solution.mesh.dim, np.int64), 0.0
+        self.state, self.enriched, self.lost = None, [np.zeros(solution.mesh.dim, np.int64)] * 2, 0.0
         self._everywhere = np.ones(len(solution.mesh.points), bool)
 
     def weight(self, patches):
@@ -68,8 +68,7 @@ class Galerkin:
         np.multiply(solution.force, 0.5 * dt * dt, out=solution.right)
         state.gather_displacement_momentum(dt, solution.mesh.cells, solution.right)
         solution.gather_right()
-        self._choose(eta)
-        self._counts[:] = self.mass.enriched_functions
+        self._choose(eta, 0)
         found = self._project(dt)
         self._move(found.field, time)
 
@@ -92,9 +91,9 @@ class Galerkin:
         state.gather_velocity_momentum(solution.mesh.cells, solution.right)
         solution.gather_right()
         solution.account_motions(dt)
-        self._choose(eta)
+        self._choose(eta, 1)
         found = self._project(1.0)
-        self._lost += self.mass.lost_energy(state.momentum, found)
+        self.lost += self.mass.lost_energy(state.momentum, found)
         self._accept(found.field, time)
 
     def _accept(self, velocity, time):
@@ -105,9 +104,10 @@ class Galerkin:
         self.state.put(None, velocity)
         solution.accept_velocity(self._everywhere, self.dt)
 
-    def _choose(self, eta):
-        """Enrich by eta (n, dim). Collective."""
+    def _choose(self, eta, field):
+        """Enrich displacements (field 0) or velocities (1) by eta (n, dim). Collective."""
         self.mass.select(eta, self.tolerance)
+        self.enriched[field] = self.mass.enriched_functions
 
     def _project(self, factor):
         """Return the Solution whose right side is `right` + factor m v, m the lumped mass outside; its nodal part in `change`. Collective."""
@@ -116,16 +116,3 @@ class Galerkin:
         found = self.mass.solve(solution.right, self.state.momentum)
         solution.change[...] = found.nodes
         return found
-
-    def enriched(self):
-        """Return (dim,), the functions by which this rank's displacements are enriched. Local."""
-        return self._counts
-
-    def condition(self):
-        """Return an estimate of the condition number of the scaled mass matrix. Collective."""
-        return self.mass.condition()
-
-    @property
-    def loss(self):
-        """J, kinetic energy that projections of the velocity have lost so far in whole patches. Collective."""
-        return exact_sum(self.solution.mesh.comm, np.array([self._lost]))

@@ -17,7 +17,7 @@ def ghost_force(local, solution, strain=(1.0, 1.0, 0.0)):
     gradient = np.array([[strain[0], 0.5 * strain[2]], [0.5 * strain[2], strain[1]]])
     particles = domain.particles
     position = np.zeros(particles.position.shape[::-1]).T
-    slots = np.concatenate([local.points.slots, local.collar.slots, particles.ghost_slots])
+    slots = np.concatenate([local.cell_slots.ravel(), local.collar.slots, particles.ghost_slots])
     position[slots] = domain.places_at(slots) @ gradient.T
     force, impulse = np.zeros(particles.position.shape[::-1]).T, np.zeros_like(blended.impulse)
     law = local.law._replace(break_at=np.full_like(local.law.break_at, np.inf))

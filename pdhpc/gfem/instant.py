@@ -45,8 +45,8 @@ class Instant(Galerkin):
     def solve(self, eta, time):
         """Find u^{n+1} and v^{n+1} in the space of eta. Collective. time : t_n, s."""
         solution, state, dt = self.solution, self.state, self.dt
-        self._choose(eta)
-        self._counts[:] = self.mass.enriched_functions
+        self._choose(eta, 0)
+        self.enriched[1] = self.enriched[0]
         self._check_step()
         state.put(state.displacement, None)
         self._add_forces(time, 0.5 * dt)

@@ -2,6 +2,8 @@
 
 Fields by slot are (n_slots, dim), each component together; lanes of rows are numbered 8 t + l.
 """
+import numpy as np
+
 from pdhpc.jit import kernel, sweep
 from pdhpc.kernels.simd import LANES, fma, load8, splat, store8
 
@@ -64,17 +66,20 @@ def blend_state(rows, inside, alpha, before, position, velocity, of_velocity):
 
 
 @kernel
-def add_nodal(slots, cell, start, shape, cells, nodal, field):
-    """field[slots] += sum_i N_i nodal[i] at the points of enriched cells (gfem.points.Points); nodal (n_vertices, dim)."""
+def add_nodal(slots, chosen, shape, cells, nodal, field):
+    """field[slots] += sum_i N_i nodal[i] at the particles of cells chosen (n,); slots (n, n_points), shape (n_points, corners), nodal (n_vertices, dim)."""
     corners, dim = shape.shape[1], nodal.shape[1]
-    for c in range(len(cell)):
-        corner = cells[cell[c]]
+    value = np.empty(corners)
+    for c in range(len(chosen)):
+        corner = cells[chosen[c]]
         for d in range(dim):
-            for p in range(start[c], start[c + 1]):
+            for a in range(corners):
+                value[a] = nodal[corner[a], d]
+            for p in range(slots.shape[1]):
                 total = 0.0
                 for a in range(corners):
-                    total += shape[p, a] * nodal[corner[a], d]
-                field[slots[p], d] += total
+                    total += shape[p, a] * value[a]
+                field[slots[c, p], d] += total
 
 
 @kernel

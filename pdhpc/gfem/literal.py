@@ -62,8 +62,8 @@ class Literal(Instant):
         """Find u^{n+1} in the space of eta. Collective. time : t_n, s."""
         solution, state, dt = self.solution, self.state, self.dt
         self._eta = eta
-        self._choose(eta)
-        self._counts[:] = self.mass.enriched_functions
+        self._choose(eta, 0)
+        self.enriched[1] = self.enriched[0]
         self._check_step()
         solution.evaluate(time)
         carried = 2.0 * state.displacement - self._before

@@ -112,8 +112,8 @@ class Pinned:
         self.mass.solve(right, solution.change)
 
     def _add_to_points(self, field):
-        points, solution = self.local.points, self.solution
-        lanes.add_nodal(points.slots, points.cell, points.start, points.shape, solution.mesh.cells, solution.change, field)
+        local, solution = self.local, self.solution
+        lanes.add_nodal(local.cell_slots, local.cells, local.lattice.shape, solution.mesh.cells, solution.change, field)
 
 
 @kernel

@@ -176,6 +176,31 @@ def strained_or_broken(bonds, points, law, third, slots, share, flags):
         flags[n] = found
 
 
+@sweep
+def strained_rows(bonds, points, rows, share, known, flags):
+    """Mark in flags (8 n_rows,) the particles of rows of eight with a bond beyond `share` of its critical stretch, or bond states that are not those known any more.
+
+    known (n_words, 8 n_rows) uint64. 2D, linear kinematics. Rows of several blocks are measured by the smallest limit of any: a first look, to be checked.
+    """
+    position, n, count, width = points.position, len(points.position), len(bonds.offset), LANES * len(rows)
+    for t in range(len(rows)):
+        i = rows[t]
+        kind = bonds.kind[i >> 3]
+        row = len(bonds.weight) - 1 if kind == MIXED else np.int64(kind)
+        px, py, beyond = load8(position, i), load8(position, n + i), lane_mask(np.uint8(0))
+        for word in range(bonds.alive.shape[0]):
+            states = words8(bonds.alive, word * n + i)
+            for k in range(WORD * word, min(count, WORD * word + WORD)):
+                j = i + at(bonds.offset, k)
+                along2 = fma(splat(at(bonds.vector, 2 * k)), load8(position, j) - px, at(bonds.vector, 2 * k + 1) * (load8(position, n + j) - py))
+                beyond = either(beyond, both(has_bit(states, k - WORD * word), along2 > share * at(bonds.trigger, row * count + k)))
+        store8(flags, LANES * t, select(beyond, splat(1.0), splat(0.0)))
+        for lane in range(LANES):
+            for word in range(bonds.alive.shape[0]):
+                if bonds.alive[word, i + lane] != known[word, LANES * t + lane]:
+                    flags[LANES * t + lane] = 1.0
+
+
 @kernel
 def lattice_moduli(bonds, points, law, third, slots, result):
     """Store C_p = 1/2 sum_q c omega beta V |xi| (e e)(e e), Pa, of the particles in `slots` (n,), intact bonds only, in result (n, s, s).

@@ -127,7 +127,7 @@ class CoupledParts:
             may_not_fail[block] = body.blocks[material, False]
         self.local = LocalParticles(self.lattice, subdomain, body.law, self.part.exchange, may_not_fail, loads)
         self._set_initial_state()
-        self.solution.follow(self.patches, np.zeros(len(self.mesh.points)), self.local.outside)
+        self.solution.follow(self.patches, np.zeros(len(self.mesh.points)))
         self.solution.begin()
         self.critical_dt = lumped_step(comm, self.solution)
 

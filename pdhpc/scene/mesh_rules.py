@@ -77,6 +77,8 @@ def _check_alone(scene):
     if fem.partition_of_unity == "flat_top" and (fem.integration == "explicit" or scene.from_file):
         found = '"flat_top" with ' + ('integration = "explicit"' if fem.integration == "explicit" else "mesh.file")
         raise Rule("fem.partition_of_unity", found, '"hat", or "flat_top" with integration = "newmark" or "static" and mesh.cell_size')
+    if scene.moduli == "lattice" and fem.partition_of_unity == "flat_top":
+        raise Rule("fem.moduli", '"lattice" with partition_of_unity = "flat_top"', '"continuum": the lattice\'s moduli are there for hats')
     if scene.moduli == "lattice" and scene.from_file:
         raise Rule("fem.moduli", '"lattice" with mesh.file', '"continuum", or mesh.cell_size: cells must hold whole spacings of the lattice')
     if fem.integration == "static":
@@ -127,6 +129,8 @@ def _check_fit(scene):
         return
     if scene.uses_lattice:
         _check_ratio(scene, size)
+        if scene.particles.path == "cloud":
+            raise Rule("particles.path", '"cloud"', '"auto" or "lattice": the cells of a mesh hold particles of one lattice')
     corner = [min(x) for x in zip(*(body.lower for body in scene.body))]
     for number, body in enumerate(scene.body):
         where = section("body", number, body)

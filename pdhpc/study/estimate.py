@@ -16,6 +16,7 @@ from pdhpc.peridynamics.view import View
 from pdhpc.scene.body import calibration_of, make_body, radius_of, select
 from pdhpc.scene.build import build
 from pdhpc.scene.gauges import make_gauges
+from pdhpc.scene.mesh_rules import unused
 from pdhpc.scene.regions import finite_margin, ratio_for, split_of
 from pdhpc.scene.steps import choose_step
 from pdhpc.warm_up import NoGhosts, block
@@ -88,7 +89,7 @@ def estimate(scene, ranks=None):
     seconds = 2 * work * steps / (rate * ranks)
     stretch = _critical_stretches(scene, body)
     smallest = min([critical, *(region.critical_dt for region in regions)])
-    return Estimate(exact, particles, bonds, neighbours, stretch, smallest, dt, steps, ranks, memory, rate, seconds, warnings + more, body.path, regions, m,
+    return Estimate(exact, particles, bonds, neighbours, stretch, smallest, dt, steps, ranks, memory, rate, seconds, unused(scene) + warnings + more, body.path, regions, m,
                     overlap, critical)
 
 

@@ -1,6 +1,6 @@
 // A quarter of a square plate with a round hole: radius 1 m, half width and half height 20 m; quadrilaterals that grow with the distance from the hole.
-// gmsh -2 plate_with_hole.geo -o plate_with_hole.msh; finer with -setnumber around 32 -setnumber outward 60
-DefineConstant[ around = 16, outward = 40, radius = 1, side = 20 ];
+// gmsh -2 plate_with_hole.geo -o plate_with_hole.msh; finer with -setnumber around 48
+DefineConstant[ around = 24, outward = 70, radius = 1, side = 20 ];
 Point(1) = {0, 0, 0};
 Point(2) = {radius, 0, 0};
 Point(3) = {side, 0, 0};
@@ -20,7 +20,7 @@ Curve Loop(2) = {5, 3, -4, -7};
 Plane Surface(1) = {1};
 Plane Surface(2) = {2};
 Transfinite Curve {2, 3, 6, 7} = around + 1;
-Transfinite Curve {1, 4, 5} = outward + 1 Using Progression 1.09;
+Transfinite Curve {1, 4, 5} = outward + 1 Using Progression 1.07;
 Transfinite Surface {1, 2};
 Recombine Surface {1, 2};
 Physical Surface("plate") = {1, 2};

@@ -1,0 +1,208 @@
+"""Scene -> finite elements alone: the mesh, its material, loads, time step and stepper."""
+import math
+from dataclasses import dataclass
+from typing import Callable, List
+
+import numpy as np
+
+from pdhpc.fem.basis import rigid_motions
+from pdhpc.fem.conditions import NodalConditions
+from pdhpc.fem.critical_step import critical_step
+from pdhpc.fem.elasticity import Elasticity
+from pdhpc.fem.explicit import Explicit
+from pdhpc.fem.internal_forces import InternalForces, make_sweep
+from pdhpc.fem.nodes import Nodes
+from pdhpc.fem.view import MeshView
+from pdhpc.parallel.comm import largest, smallest
+from pdhpc.scene.lattice_elasticity import make_lattice_elasticity
+from pdhpc.scene.mesh_body import MeshBody, checked_locally, make_mesh_body, moduli_of
+from pdhpc.scene.mesh_sets import MeshSets, make_loads, set_initial_state
+from pdhpc.scene.steps import choose_step
+
+_NEWMARK_STEPS = 100  # to time.end, where the scene does not name the step
+_RANK = 1e-10  # of the largest eigenvalue of the rigid motions that supports hold: below, one is free
+
+
+@dataclass
+class ElasticProblem:
+    """Everything one rank needs to run a scene of finite elements; the face of scene.problem.Problem.
+
+    body : MeshBody. elasticity : Elasticity. nodes : Nodes. conditions : NodalConditions. sets : MeshSets.
+    critical_dt : s, of central differences; infinite for implicit integration. make_stepper : function dt -> what advances.
+    """
+
+    scene: object
+    body: MeshBody
+    elasticity: Elasticity
+    nodes: Nodes
+    conditions: NodalConditions
+    sets: MeshSets
+    critical_dt: float
+    dt: float
+    n_steps: int
+    warnings: List[str]
+    make_stepper: Callable
+
+    def stepper(self):
+        """Return what advances this problem from t = 0. Collective."""
+        stepper = self.make_stepper(self.dt)
+        if self.scene.fem.integration == "explicit":
+            stepper.view = MeshView(self.elasticity, self.nodes, lambda: self.nodes.owned(self.nodes.force))
+        else:
+            stepper.view = MeshView(self.elasticity, self.nodes, lambda: _net_forces(stepper))
+        return stepper
+
+    def members(self, view, comm, name, key):
+        """Return the vertices of a view in a region as indices; `key` names the region in an error. Collective."""
+        return np.flatnonzero(self.sets.vertices(name, key))
+
+    def sizes(self, stepper, comm):
+        """Return what run.json says of the body. Local."""
+        mesh, fem = self.body.mesh, self.scene.fem
+        return {
+            "cells": mesh.n_global_cells,
+            "cell_kind": mesh.kind,
+            "vertices": mesh.n_global_vertices,
+            "dofs": mesh.n_global_vertices * self.elasticity.width,
+            "integration": fem.integration,
+            "moduli": self.scene.moduli,
+            "partition_of_unity": fem.partition_of_unity,
+        }
+
+    def work(self, stepper, comm, seconds):
+        """Return what run.json says of the work done in `seconds` of stepping, the mean over ranks. Collective."""
+        mesh = self.body.mesh
+        per_rank = np.array(comm.allgather([mesh.n_owned_cells, len(mesh.points) - mesh.n_owned]))
+        return {
+            "cell_steps_per_second_and_core": mesh.n_global_cells * stepper.step / (seconds * comm.size) if seconds > 0 else None,
+            "ksp_iterations": getattr(stepper, "iterations", 0),
+            "ghosts": int(per_rank[:, 1].sum()),
+            "bytes_sent_per_step": int(comm.allreduce(stepper.bytes_sent)),
+            "cell_imbalance": float(per_rank[:, 0].max() / max(per_rank[:, 0].mean(), 1)),
+        }
+
+    def coupling(self, stepper, comm):
+        """Return None: nothing is coupled."""
+        return None
+
+    def guards(self, stepper, comm, steps):
+        """Return no observers: nothing is coupled."""
+        return []
+
+    def coupled(self, stepper, comm, coupling):
+        """Return None: nothing is coupled."""
+        return None
+
+
+def build_elastic(scene, comm):
+    """Return the ElasticProblem of a scene. Collective.
+
+    Raises
+    ------
+    SceneError, on every rank: as make_mesh_body; a region, load or probe that selects nothing, a step above the critical one, a body that nothing holds.
+    """
+    explicit = scene.fem.integration == "explicit"
+    body = make_mesh_body(scene, comm)
+    _check_probes(scene, body.mesh, comm)
+    if scene.moduli == "lattice":
+        elasticity = make_lattice_elasticity(scene, body, comm)
+    else:
+        elasticity = checked_locally(scene, comm, _make_elasticity, scene, body)
+    nodes = Nodes(body.mesh) if explicit else Nodes(body.mesh, False, elasticity.width)
+    if explicit:
+        nodes.set_mass(checked_locally(scene, comm, elasticity.lumped_mass, nodes.stars))
+    sets = MeshSets(scene, body, comm)
+    loads, motions = make_loads(scene, sets, elasticity, nodes)
+    conditions = NodalConditions(nodes, loads, motions)
+    set_initial_state(scene, sets, elasticity, nodes)
+    if explicit:
+        critical, make_stepper = _explicit(elasticity, nodes, conditions)
+        step = choose_step(scene, critical)
+    else:
+        critical, make_stepper = math.inf, _implicit(scene, elasticity, nodes, conditions)
+        step = _implicit_step(scene)
+    if scene.fem.integration == "static":
+        _check_supports(scene, comm, elasticity, conditions)
+    return ElasticProblem(scene, body, elasticity, nodes, conditions, sets, critical, *step, make_stepper)
+
+
+def _make_elasticity(scene, body):
+    """Return the Elasticity of a scene. Local."""
+    moduli, density = moduli_of(scene)
+    return Elasticity(body.mesh, moduli, density, body.kind, scene.thickness, _basis(scene, body.mesh))
+
+
+def _basis(scene, mesh):
+    """Return the basis of the cells, None for the usual hats."""
+    if scene.fem.partition_of_unity == "hat":
+        return None
+    from pdhpc.fem.flat_top import FlatTop
+
+    return FlatTop(mesh.kind)
+
+
+def _explicit(elasticity, nodes, conditions):
+    """Return (critical step, s, function dt -> Explicit). Collective."""
+    stiffness = elasticity.stiffness()
+    sweep = make_sweep(nodes, stiffness)
+    forces = InternalForces(nodes, sweep, nodes.new_field(), nodes.new_field())
+    critical = critical_step(elasticity, stiffness, nodes, forces)
+    forces.free()
+    return float(f"{critical:.10e}"), lambda dt: Explicit(nodes, sweep, conditions, dt)
+
+
+def _implicit(scene, elasticity, nodes, conditions):
+    """Return function dt -> Static or Newmark."""
+    if scene.fem.integration == "static":
+        from pdhpc.fem.static import Static as Stepper
+    else:
+        from pdhpc.fem.newmark import Newmark as Stepper
+    return lambda dt: Stepper(elasticity, nodes, conditions, dt)
+
+
+def _implicit_step(scene):
+    """Return (dt, number of steps, warnings) of implicit integration: one step to time.end, or the scene's, or a hundredth of time.end."""
+    end = scene.time.end
+    if scene.fem.integration == "static":
+        return end, 1, []
+    if scene.time.dt == "auto":
+        return end / _NEWMARK_STEPS, _NEWMARK_STEPS, []
+    return scene.time.dt, max(1, math.ceil(end / scene.time.dt * (1 - 1e-12))), []
+
+
+def _check_supports(scene, comm, elasticity, conditions):
+    """Raise a SceneError unless the prescribed components leave no rigid motion of the whole free. Collective."""
+    n, mesh = conditions.nodes.n_owned, elasticity.mesh
+    fixed = conditions.nodes.owned(conditions.constrained())
+    centre = mesh.points[:n].sum(axis=0)
+    centre, size = comm.allreduce(centre) / mesh.n_global_vertices, 0.0
+    size = largest(comm, float(np.abs(mesh.points - centre).max(initial=0.0)))
+    motions = rigid_motions(elasticity.basis, mesh)[:n]
+    held = motions[fixed]
+    scale = np.ones(motions.shape[2])
+    scale[mesh.dim :] = 1.0 / size
+    held = held * scale
+    eigenvalues = np.linalg.eigvalsh(comm.allreduce(held.T @ held))
+    if not eigenvalues[0] > _RANK * max(eigenvalues[-1], 1e-300):
+        free = int(np.count_nonzero(~(eigenvalues > _RANK * max(eigenvalues[-1], 1e-300))))
+        raise scene.error("load", f"prescribed displacements that leave {free} rigid motions of the body free",
+                          "displacements that hold the body against all of them: fem.integration = \"static\" finds no equilibrium otherwise")
+
+
+def _check_probes(scene, mesh, comm):
+    """Raise a SceneError for a probe at a point farther from all vertices than the longest cell. Collective."""
+    corners = mesh.points[mesh.cells]
+    reach = largest(comm, float(np.ptp(corners, axis=1).max(initial=0.0)) * math.sqrt(mesh.dim))
+    for probe in scene.probe:
+        if probe.point is not None:
+            distance = smallest(comm, float(np.linalg.norm(mesh.points - np.asarray(probe.point), axis=1).min(initial=np.inf)))
+            if distance > reach:
+                raise scene.error(f"probe '{probe.name}': point", f"{probe.point}, {distance:.3g} m from the nearest vertex", f"a point within a cell ({reach:.3g} m) of one")
+
+
+def _net_forces(stepper):
+    """Return (n_owned, dim), N: loads less internal forces of an implicit stepper. Collective over neighbouring ranks."""
+    from pdhpc.fem.implicit import refreshed
+
+    nodes, dim = stepper.nodes, stepper.nodes.dim
+    return (nodes.owned(nodes.force) - stepper.stiffness.multiply(refreshed(nodes, nodes.displacement)))[:, :dim]
