@@ -1,5 +1,6 @@
 """What a sweep over local particles goes through: rows of eight, those whose forces are blended, and the collar that moves as it is told."""
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -14,14 +15,15 @@ WHOLE, MIXED, MOVING = 1, 2, 4
 class Blended:
     """The particles, eight to a row, whose force is not all theirs: on the ramp, or within a bond of it. Lane l of row t stands at 8 t + l.
 
-    rows (n,) int32, first slots. cell (8 n,) int32, local cell of each lane, -1 where this rank owns no particle; shape (8 n, corners), values of its functions;
-    alpha (8 n,); inside (8 n,) bool, in an enriched cell; density (8 n,), kg/m^3; impulse, moment (n, dim, 8): tau sum_j w_j F^alpha(U_j), N s/m^3, and tau^2 sum_j (k - j) w_j F^alpha(U_j);
+    rows (n,) int32, first slots. cell (8 n,) int32, local cell of each lane, -1 where this rank owns no particle; number (8 n,), of the particle in its cell; table
+    (ratio^dim, corners), the cell's functions by that number; alpha (8 n,); inside (8 n,) bool, in an enriched cell; density (8 n,), kg/m^3; impulse, moment (n, dim, 8): tau sum_j w_j F^alpha(U_j), N s/m^3, and tau^2 sum_j (k - j) w_j F^alpha(U_j);
     before, velocity_before (n, dim, 8): u and v at the start of the step.
     """
 
     rows: np.ndarray
     cell: np.ndarray
-    shape: np.ndarray
+    number: np.ndarray
+    table: np.ndarray
     alpha: np.ndarray
     inside: np.ndarray
     density: np.ndarray
@@ -35,6 +37,11 @@ class Blended:
         shape = len(self.rows), self.dim, LANES
         self.impulse, self.moment, self.before, self.velocity_before = (np.zeros(shape) for _ in range(4))
 
+    @cached_property
+    def shape(self):
+        """(8 n, corners), values of the functions of each lane's cell."""
+        return self.table[self.number]
+
 
 @dataclass
 class Collar:
@@ -42,7 +49,7 @@ class Collar:
 
     slots: np.ndarray
     cell: np.ndarray
-    shape: np.ndarray
+    number: np.ndarray
     dim: int
     displacement: np.ndarray = field(init=False)
     velocity: np.ndarray = field(init=False)

@@ -29,6 +29,14 @@ def test_nothing_to_solve(comm):
     assert len(LinearSolver(comm, "test_", Defaults("cg"), 0, lambda x: x, np.empty(0)).solve(np.empty(0))) == 0
 
 
+def test_condition_is_that_of_the_scaled_matrix(comm):
+    solver = LinearSolver(comm, "test_", Defaults("cg", 1e-12), 3, lambda x: MATRIX @ x, np.diag(MATRIX))
+    scale = 1 / np.sqrt(np.diag(MATRIX))
+    assert solver.condition() == pytest.approx(np.linalg.cond(MATRIX * scale * scale[:, None]), rel=1e-6)
+    assert MATRIX @ solver.solve(np.ones(3)) == pytest.approx(np.ones(3)) and solver.failure is None, "the solver itself is as before"
+    assert LinearSolver(comm, "test_", Defaults("cg"), 0, lambda x: x, np.empty(0)).condition() == 1.0
+
+
 def assembled(comm, iterations=200):
     """The solver on MATRIX, filled, with the zeros of its corners left out."""
     indptr, columns = np.array([0, 2, 5, 7]), np.array([0, 1, 0, 1, 2, 1, 2])
