@@ -17,6 +17,7 @@ from pdhpc.gfem.points import CellLattice
 from pdhpc.gfem.schemes import make_scheme
 from pdhpc.gfem.stable_step import lumped_step
 from pdhpc.observers.enrichment import Enrichment, EnrichmentGuard
+from pdhpc.observers.enrichment_output import EnrichmentOutput
 from pdhpc.parallel.comm import largest
 from pdhpc.scene.body import make_body, make_shape
 from pdhpc.scene.build import cut_cracks
@@ -87,6 +88,10 @@ class CoupledProblem(Problem):
     def guards(self, stepper, comm, steps):
         """Return the observers that stop a run whose coupling fails. Local."""
         return [EnrichmentGuard(comm, steps)]
+
+    def outputs(self, comm, directory):
+        """Return the observer that writes the enriched space of the end for its picture. Local."""
+        return [EnrichmentOutput(comm, directory)] if self.scene.output.pictures else []
 
     def coupled(self, stepper, comm, coupling):
         """Return what run.json says of the coupling. Collective."""
