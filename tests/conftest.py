@@ -103,3 +103,66 @@ def _cracked_box(comm, counts=(6, 4), ratio=4, inside=None):
     eta = np.zeros((len(position), dim))
     eta[:, 0], eta[:, 1] = 0.02 * np.sin(x) + 0.1 * opening, 0.05 * x * x + opening
     return SimpleNamespace(mesh=mesh, inside=chosen, points=points, lumped=lumped, position=position, eta=eta)
+
+
+@pytest.fixture
+def coupled_plate():
+    """Function that makes a small plate with a crack, coupled by a scheme, see _coupled_plate."""
+    return _coupled_plate
+
+
+_PLATE = """
+dimension = "plane_stress"
+model = "gfem"
+[particles]
+spacing = 1.0
+horizon = 3.015
+kinematics = "linear"
+[[material]]
+name = "solid"
+density = 1.0
+youngs_modulus = 1.0
+critical_stretch = 0.02
+[[body]]
+name = "body"
+material = "solid"
+shape = "box"
+lower = [-30.0, -15.0]
+upper = [30.0, 15.0]
+[[crack]]
+type = "polyline"
+points = [[-31.0, 0.0], [-16.0, 0.0]]
+[[region]]
+name = "top"
+shape = "box"
+lower = [-30.0, 14.0]
+upper = [30.0, 15.0]
+[[load]]
+type = "traction"
+region = "top"
+face = "+y"
+value = [0.001, 0.008]
+[damage]
+no_fail = ["top"]
+[mesh]
+cell_size = 5.0
+[time]
+end = 1.0
+"""
+
+
+def _coupled_plate(comm, scheme, tolerance=0.02, steps=(3.0, 4), everywhere=False):
+    """Return (CoupledParts, CoupledStep) of a plate of 60 x 30 particles of mass 1 in cells of 5 x 5, which its top edge pulls upwards.
+
+    scheme : by name, tolerance : of the patch residual; steps : (dt, k); comparators do not refuse their step.
+    """
+    from pdhpc.gfem.coupled_step import CoupledStep
+    from pdhpc.gfem.schemes import make_scheme
+    from pdhpc.scene.coupled import CoupledParts
+    from pdhpc.scene.read import parse_scene
+
+    parts = CoupledParts(parse_scene(_PLATE + f"[gfem]\neverywhere = {str(everywhere).lower()}\n", "test scene"), comm)
+    parts.stepper(*steps)  # chooses the patches
+    stepper = CoupledStep(comm, parts.patches, parts.local, parts.solution, make_scheme(scheme, parts.solution, parts.local, steps, tolerance, False), 0.6)
+    stepper.follow()
+    return parts, stepper

@@ -80,8 +80,11 @@ class CoupledStep:
         """Let everything follow the patches. Collective."""
         weight = self.scheme.weight(self.patches)
         self.local.follow(self.patches, weight, self.solution.displacement, self.solution.velocity)
-        self.solution.follow(self.patches, weight, self.local.outside)
+        self.solution.follow(self.patches, weight)
         self.scheme.follow(self.patches)
+        enriched, whole = (cells[: self.solution.mesh.n_owned_cells] for cells in (self.patches.enriched, self.patches.whole))
+        self.local.watch(enriched & ~whole)
+        self._free = np.flatnonzero(~enriched & np.isfinite(self._limits)).astype(np.int32)
         self.solution.evaluate(self.time)
 
     @property
@@ -100,13 +103,9 @@ class CoupledStep:
 
     def _wanting(self):
         """Return (n_owned_cells,) bool: cells on the ramp whose particles say so, and cells without particles whose strain does."""
-        mesh, patches = self.solution.mesh, self.patches
-        owned = mesh.n_owned_cells
-        enriched, whole = patches.enriched[:owned], patches.whole[:owned]
-        wanted = np.zeros(owned, bool)
-        ring = np.flatnonzero(enriched & ~whole)
-        wanted[ring] = self.local.wanting(ring, self._activation)
-        free = np.flatnonzero(~enriched & np.isfinite(self._limits)).astype(np.int32)
+        mesh = self.solution.mesh
+        wanted = self.local.wanting(self._activation)
+        free = self._free
         strain = np.empty(len(free))
         largest_principal_strains(mesh.cells, free, self.local.lattice.corner_gradient, self.solution.displacement, strain)
         wanted[free] = strain > self._activation * self._limits[free]
@@ -149,7 +148,7 @@ class CoupledStep:
         particles are elements only.
         """
         local, particles = self.local, self.local.subdomain.particles
-        slots = local.points.slots
+        slots = local.cell_slots.ravel()
         kinetic, strain = np.empty(len(slots)), np.empty(len(slots))
         kinetic_energies(particles.velocity, particles.volume, particles.block, local.law.density, slots, kinetic)
         blend.blended_energies(local.subdomain.bonds.arrays, local.subdomain.points, local.law, particles.third, slots, local.alpha, strain)

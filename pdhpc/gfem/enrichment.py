@@ -102,7 +102,7 @@ class EnrichedSpace:
         total, squares = exact_sum(comm, self._cell_mass), exact_sum(comm, integrals.squares(self._cell_mass, self._pair, self._moments[:n_owned]))
         return np.sqrt(squares / total) if total > 0.0 else 0.0
 
-    def solve(self, right_nodes, momentum):
+    def solve(self, right_nodes, momentum, tested=None):
         """Return the Solution with M x = r. Collective.
 
         The iteration starts from eta itself, which all functions together reproduce.
@@ -111,10 +111,11 @@ class EnrichedSpace:
         ----------
         right_nodes (n_vertices, dim) : r of the standard functions, summed over all ranks on owned vertices, kg times the field's unit.
         momentum (n, dim) : what stands at the points of this rank's own cells for the enriched functions, r_i = sum_p momentum_p phi_i (eta - mean_i), as right_nodes.
+        tested (n_vertices, dim) : None, or what this rank adds to these r_i.
         """
         mass, dim = self.mass, self._mesh.dim
         guess = np.concatenate((self.mean[mass.standard].ravel(), np.where(self._inverse_norm > 0.0, self.norm, 0.0)[mass.enriched].ravel()))
-        x = self._solver.solve(self._right(right_nodes, momentum), guess)
+        x = self._solver.solve(self._right(right_nodes, momentum, tested), guess)
         self.iterations += self._solver.iterations
         self.failure = self.failure or self._solver.failure
         nodes, amplitude = self._coefficients[:, :dim], self._coefficients[:, dim:]
@@ -129,9 +130,9 @@ class EnrichedSpace:
         integrals.field_at_points(self.cells.corners, self._at_points(), self.mean, nodes, amplitude, field)
         return Solution(nodes.copy(), amplitude.copy(), field)
 
-    def _right(self, right_nodes, momentum):
+    def _right(self, right_nodes, momentum, tested):
         """Return (n_local,), the right side of this rank's rows. Collective over neighbours."""
-        self._tested[...] = 0.0
+        self._tested[...] = 0.0 if tested is None else tested
         integrals.add_tested_momentum(self.cells.corners, self._at_points(), momentum, self.mean, self._tested)
         self._bound[2].accumulate()
         enriched = self.mass.enriched

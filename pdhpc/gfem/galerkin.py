@@ -18,7 +18,7 @@ class Galerkin:
     Attributes
     ----------
     mass : EnrichedSpace, of velocities between steps. state : PointState. enriched : [(dim,) functions enriched on this rank] of displacements and velocities.
-    lost : J, kinetic energy that projections of the velocity have lost on this rank.
+    lost : J, kinetic energy that projections of the velocity have lost so far in whole patches of this rank.
     """
 
     name = "galerkin"
@@ -26,7 +26,7 @@ class Galerkin:
     def __init__(self, solution, local, space, dt, k, tolerance=0.02):
         """solution : MeshSolution. local : LocalParticles. space : EnrichedSpace. dt, s, of k sub-steps. tolerance : of the patch residual."""
         self.solution, self.local, self.mass, self.dt, self.k, self.tolerance = solution, local, space, dt, k, tolerance
-        self.state, self.enriched, self.lost = None, [np.zeros(solution.mesh.dim, int)] * 2, 0.0
+        self.state, self.enriched, self.lost = None, [np.zeros(solution.mesh.dim, np.int64)] * 2, 0.0
         self._everywhere = np.ones(len(solution.mesh.points), bool)
 
     def weight(self, patches):
@@ -44,22 +44,21 @@ class Galerkin:
         self.state = PointState(self.local)
 
     def settle(self):
-        """Take over the particles' state as it is. Local."""
+        """Take the particles' state as that of the global solution. Local."""
         self.state.remember()
 
     def reconstruct(self):
         """Return (U - u^n, V), (n, dim) each at the points, what displacements and velocities are enriched by. Local."""
-        local, state = self.local, self.state
-        local.add_loads_to_sums(self.k)
-        state.read_run()
-        return state.increment, state.end_velocity
+        self.local.add_loads_to_sums(self.k)
+        self.state.read_run()
+        return self.state.increment, self.state.end_velocity
 
     def solve(self, eta, time):
         """Find u^{n+1} and v^{n+1} in the spaces of eta. Collective. time : t_n, s."""
-        solution, increment, velocity = self.solution, *eta
+        increment, velocity = eta
         self._find_displacement(increment, time)
-        before = solution.force.copy()
-        solution.evaluate(time + self.dt)
+        before = self.solution.force.copy()
+        self.solution.evaluate(time + self.dt)
         self._find_velocity(velocity, before, time + self.dt)
         self.state.remember()
 
@@ -68,12 +67,20 @@ class Galerkin:
         solution, state, dt = self.solution, self.state, self.dt
         np.multiply(solution.force, 0.5 * dt * dt, out=solution.right)
         state.gather_displacement_momentum(dt, solution.mesh.cells, solution.right)
-        found = self._project(eta, dt, 0)
+        solution.gather_right()
+        self._choose(eta, 0)
+        found = self._project(dt)
+        self._move(found.field, time)
+
+    def _move(self, increment, time):
+        """Add the increment (n, dim) to the displacement of the points, `change` to that of the vertices. Collective over neighbours. time : t_n, s."""
+        solution, state, dt = self.solution, self.state, self.dt
         solution.steer(time, dt)
         solution.refresh_change()
+        solution.account(time + dt, dt)
         solution.displacement += solution.change
-        np.add(found.field, state.displacement, out=found.field)
-        state.put(found.field, None)
+        increment += state.displacement
+        state.put(increment, None)
         self.local.refresh()
 
     def _find_velocity(self, eta, before, time):
@@ -82,20 +89,30 @@ class Galerkin:
         np.add(before, solution.force, out=solution.right)
         solution.right *= 0.5 * dt
         state.gather_velocity_momentum(solution.mesh.cells, solution.right)
-        found = self._project(eta, 1.0, 1)
+        solution.gather_right()
+        solution.account_motions(dt)
+        self._choose(eta, 1)
+        found = self._project(1.0)
         self.lost += self.mass.lost_energy(state.momentum, found)
+        self._accept(found.field, time)
+
+    def _accept(self, velocity, time):
+        """Take velocity (n, dim) as that of the points, `change` as that of the vertices. Collective over neighbours. time : t_{n+1}, s."""
+        solution = self.solution
         solution.settle_motions(time)
         solution.refresh_change()
-        state.put(None, found.field)
-        solution.accept_velocity(self._everywhere, dt)
+        self.state.put(None, velocity)
+        solution.accept_velocity(self._everywhere, self.dt)
 
-    def _project(self, eta, factor, which):
-        """Return the Solution with the right side `right` + factor m v, m the lumped mass outside; its nodal part in `change`. Collective."""
-        solution, n = self.solution, self.solution.mesh.n_owned
-        solution.gather_right()
-        solution.right[:n] += factor * solution.outside_mass[:n, None] * solution.velocity[:n]
+    def _choose(self, eta, field):
+        """Enrich displacements (field 0) or velocities (1) by eta (n, dim). Collective."""
         self.mass.select(eta, self.tolerance)
-        self.enriched[which] = self.mass.enriched_functions
+        self.enriched[field] = self.mass.enriched_functions
+
+    def _project(self, factor):
+        """Return the Solution whose right side is `right` + factor m v, m the lumped mass outside; its nodal part in `change`. Collective."""
+        solution, n = self.solution, self.solution.mesh.n_owned
+        solution.right[:n] += factor * solution.outside_mass[:n, None] * solution.velocity[:n]
         found = self.mass.solve(solution.right, self.state.momentum)
         solution.change[...] = found.nodes
         return found

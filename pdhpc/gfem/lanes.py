@@ -2,6 +2,8 @@
 
 Fields by slot are (n_slots, dim), each component together; lanes of rows are numbered 8 t + l.
 """
+import numpy as np
+
 from pdhpc.jit import kernel, sweep
 from pdhpc.kernels.simd import LANES, fma, load8, splat, store8
 
@@ -64,21 +66,24 @@ def blend_state(rows, inside, alpha, before, position, velocity, of_velocity):
 
 
 @kernel
-def add_nodal(slots, cell, start, shape, cells, nodal, field):
-    """field[slots] += sum_i N_i nodal[i] at the points of enriched cells (gfem.points.Points); nodal (n_vertices, dim)."""
+def add_nodal(slots, chosen, shape, cells, nodal, field):
+    """field[slots] += sum_i N_i nodal[i] at the particles of cells chosen (n,); slots (n, n_points), shape (n_points, corners), nodal (n_vertices, dim)."""
     corners, dim = shape.shape[1], nodal.shape[1]
-    for c in range(len(cell)):
-        corner = cells[cell[c]]
+    value = np.empty(corners)
+    for c in range(len(chosen)):
+        corner = cells[chosen[c]]
         for d in range(dim):
-            for p in range(start[c], start[c + 1]):
+            for a in range(corners):
+                value[a] = nodal[corner[a], d]
+            for p in range(slots.shape[1]):
                 total = 0.0
                 for a in range(corners):
-                    total += shape[p, a] * nodal[corner[a], d]
-                field[slots[p], d] += total
+                    total += shape[p, a] * value[a]
+                field[slots[c, p], d] += total
 
 
 @kernel
-def project_displacement(rows, lane_cell, shape, alpha, inside, before, velocity_before, moment, position, density, dt, volume, cells, result):
+def project_displacement(rows, lane_cell, number, shape, alpha, inside, before, velocity_before, moment, position, density, dt, volume, cells, result):
     """result += sum_p V_p N_i (dt rho v^n + I2 - rho alpha (U - u^n)) inside enriched cells, sum_p V_p N_i I2 outside; density (n_slots,) or by lane, kg/m^3."""
     for t in range(len(rows)):
         for lane in range(8):
@@ -91,11 +96,11 @@ def project_displacement(rows, lane_cell, shape, alpha, inside, before, velocity
                 if inside[n]:
                     value += density[n] * (dt * velocity_before[t, d, lane] - alpha[n] * (position[i, d] - before[t, d, lane]))
                 for a in range(len(corner)):
-                    result[corner[a], d] += volume * shape[n, a] * value
+                    result[corner[a], d] += volume * shape[number[n], a] * value
 
 
 @kernel
-def project_velocity(rows, lane_cell, shape, alpha, inside, velocity_before, impulse, velocity, density, volume, cells, result):
+def project_velocity(rows, lane_cell, number, shape, alpha, inside, velocity_before, impulse, velocity, density, volume, cells, result):
     """result += sum_p V_p N_i (rho v^n + I1 - rho alpha V) inside enriched cells, sum_p V_p N_i I1 outside."""
     for t in range(len(rows)):
         for lane in range(8):
@@ -108,7 +113,7 @@ def project_velocity(rows, lane_cell, shape, alpha, inside, velocity_before, imp
                 if inside[n]:
                     value += density[n] * (velocity_before[t, d, lane] - alpha[n] * velocity[i, d])
                 for a in range(len(corner)):
-                    result[corner[a], d] += volume * shape[n, a] * value
+                    result[corner[a], d] += volume * shape[number[n], a] * value
 
 
 @kernel

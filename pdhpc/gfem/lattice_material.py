@@ -7,8 +7,9 @@ softer, as the particles are. Cells of equal bonds share one K_e.
 """
 import numpy as np
 
-from pdhpc.jit import kernel
+from pdhpc.jit import kernel, sweep
 from pdhpc.kernels.blend import lattice_moduli
+from pdhpc.kernels.simd import fma, load8, splat, store8
 
 _PIECE = 1 << 16  # cells looked at together: bounds the temporary memory
 
@@ -19,7 +20,8 @@ class LatticeMaterial:
     Attributes
     ----------
     kind : (n_owned_cells,) int32, of each cell. moduli : (n_kinds, ratio^dim, s, s), Pa, of each kind's particles, 0 where there is none.
-    stiffness : (n_kinds, corners dim, corners dim), N/m. lumped : (n_kinds, corners), kg, row sums of the mass matrix. consistent : (n_kinds, corners, corners).
+    stiffness : (n_kinds 2^corners, corners dim, corners dim), N/m: of kind k with alpha the interpolation of 0 and 1 at the corners, entry 2^corners k + sum of
+    2^a over the corners where it is 1. lumped : (n_kinds, corners), kg, row sums of the mass matrix. consistent : (n_kinds, corners, corners).
     """
 
     def __init__(self, lattice, subdomain, law, continuum=None):
@@ -44,9 +46,28 @@ class LatticeMaterial:
         self.volume = float(particles.volume[0]) if len(particles.volume) else 0.0
         self.lumped = self._mass @ lattice.shape
         self.consistent = np.einsum("np,pa,pb->nab", self._mass, lattice.shape, lattice.shape)
-        self.stiffness = np.zeros((len(found), self.degrees, self.degrees))
-        everything = np.ones((len(found), len(lattice.template)))
-        cell_stiffness(lattice.gradient, self.moduli, np.arange(len(found), dtype=np.int32), everything, self.volume, self.stiffness)
+        self.stiffness = self._by_ramp()
+
+    def _by_ramp(self):
+        """Return `stiffness`: K(alpha) = K - sum of K_a over corners where alpha is 1, K_a with the weight N_a."""
+        shape, count = self._lattice.shape, len(self.moduli)
+        corners = shape.shape[1]
+        parts = np.zeros((corners, count, self.degrees, self.degrees))
+        for a in range(corners):
+            cell_stiffness(self._lattice.gradient, self.moduli, np.arange(count, dtype=np.int32), np.broadcast_to(shape[:, a], (count, len(shape))), self.volume, parts[a])
+        outside = 1.0 - (np.arange(2**corners)[:, None] >> np.arange(corners) & 1)
+        table = np.einsum("ra,akmn->krmn", outside, parts)
+        return np.ascontiguousarray(table.reshape(count * 2**corners, self.degrees, self.degrees))
+
+    def ramped_kind(self, weight):
+        """Return (n_owned_cells,) int32: the entry of `stiffness` of each cell, and whether its elements act at all, (n_owned_cells,) bool.
+
+        weight : (n_vertices,), 0 or 1, the nodal values of alpha. Local.
+        """
+        mesh = self._lattice.mesh
+        whole = weight[mesh.cells[: mesh.n_owned_cells]] > 0.0
+        corners = whole.shape[1]
+        return (self.kind * 2**corners + whole @ (1 << np.arange(corners))).astype(np.int32), ~whole.all(axis=1)
 
     @property
     def degrees(self):
@@ -62,12 +83,6 @@ class LatticeMaterial:
             cells = np.arange(first, min(first + _PIECE, n_cells), dtype=np.int32)
             _mix(self._lattice.slots_of(cells), arrays.alive, self._subdomain.particles.block, factors, keys[first : first + len(cells)])
         return keys
-
-    def ramped(self, cells, outside):
-        """Return (n, d, d) stiffnesses of owned cells with the weights `outside` (n, ratio^dim) = 1 - alpha at their particles."""
-        result = np.zeros((len(cells), self.degrees, self.degrees))
-        cell_stiffness(self._lattice.gradient, self.moduli, self.kind[cells], outside, self.volume, result)
-        return result
 
 
 @kernel
@@ -119,46 +134,30 @@ def cell_stiffness(gradient, moduli, kind, weight, volume, result):
                         result[c, m, n] += factor * stress * b[s, n]
 
 
-@kernel
-def add_cell_forces(cells, chosen, stiffness, displacement, force):
-    """force -= K_e d_e of cells chosen (n,), stiffness (n, d, d) or through `kind`; displacement, force (n_vertices, dim)."""
-    corners, dim = cells.shape[1], displacement.shape[1]
-    local = np.empty(corners * dim)
-    for n in range(len(chosen)):
-        corner, k = cells[chosen[n]], stiffness[n]
-        for a in range(corners):
-            for d in range(dim):
-                local[a * dim + d] = displacement[corner[a], d]
-        for m in range(corners * dim):
-            total = 0.0
-            for j in range(corners * dim):
-                total += k[m, j] * local[j]
-            force[corner[m // dim], m % dim] -= total
+@sweep
+def add_kind_forces(cells, chosen, kind, stiffness, displacement, force, buffer):
+    """force -= K_e d_e of quads chosen (n,) whose stiffness is stiffness[kind[cell]]; displacement, force (n_vertices, 2); buffer (8,).
 
-
-@kernel
-def add_kind_forces(cells, chosen, kind, stiffness, displacement, force):
-    """force -= K d of cells chosen (n,) whose stiffness is stiffness[kind[cell]]; see add_cell_forces."""
-    corners, dim = cells.shape[1], displacement.shape[1]
-    local = np.empty(corners * dim)
+    The eight forces of a cell go together: K_e is symmetric, so that its columns are rows.
+    """
     for n in range(len(chosen)):
-        corner, k = cells[chosen[n]], stiffness[kind[chosen[n]]]
-        for a in range(corners):
-            for d in range(dim):
-                local[a * dim + d] = displacement[corner[a], d]
-        for m in range(corners * dim):
-            total = 0.0
-            for j in range(corners * dim):
-                total += k[m, j] * local[j]
-            force[corner[m // dim], m % dim] -= total
+        corner, first = cells[chosen[n]], 64 * np.int64(kind[chosen[n]])
+        total = splat(0.0)
+        for a in range(4):
+            total = fma(load8(stiffness, first + 16 * a), splat(displacement[corner[a], 0]), total)
+            total = fma(load8(stiffness, first + 16 * a + 8), splat(displacement[corner[a], 1]), total)
+        store8(buffer, 0, total)
+        for a in range(4):
+            force[corner[a], 0] -= buffer[2 * a]
+            force[corner[a], 1] -= buffer[2 * a + 1]
 
 
 @kernel
-def cell_energies(cells, chosen, stiffness, displacement, energy):
-    """Store d_e . K_e d_e / 2, J, of cells chosen (n,) with stiffness (n, d, d) in energy (n,)."""
+def kind_energies(cells, chosen, kind, stiffness, displacement, energy):
+    """Store d_e . K_e d_e / 2, J, of cells chosen (n,) whose stiffness is stiffness[kind[cell]] in energy (n,)."""
     corners, dim = cells.shape[1], displacement.shape[1]
     for n in range(len(chosen)):
-        corner, k, total = cells[chosen[n]], stiffness[n], 0.0
+        corner, k, total = cells[chosen[n]], stiffness[kind[chosen[n]]], 0.0
         for m in range(corners * dim):
             for j in range(corners * dim):
                 total += displacement[corner[m // dim], m % dim] * k[m, j] * displacement[corner[j // dim], j % dim]

@@ -3,59 +3,17 @@
 Lists of what is swept change only when patches are added; a step touches nothing beyond them. Arrays by slot are made as zeros and cost memory only where particles
 ever were active: 8 (alpha) + 8 (inverse density) + 4 (cell) + 2 (number in the cell) + 2 bytes a slot beside those of the Subdomain.
 """
-from dataclasses import dataclass, field
+from functools import cached_property
 from time import perf_counter
 
 import numpy as np
 
 from pdhpc.gfem import lanes
 from pdhpc.gfem.loads import LoadOnLanes, sub_step_sums
+from pdhpc.gfem.swept import MIXED, MOVING, WHOLE, Blended, Collar, mark_rows, rows_with
 from pdhpc.gfem.points import interpolate
 from pdhpc.kernels import blend, sweeps
-from pdhpc.kernels.lattice import mark_kinds
 from pdhpc.kernels.simd import LANES
-
-
-@dataclass
-class Blended:
-    """The particles, eight to a row, whose force is not all theirs: on the ramp, or within a bond of it. Lane l of row t stands at 8 t + l.
-
-    rows (n,) int32, first slots. cell (8 n,) int32, local cell of each lane, -1 where this rank owns no particle; shape (8 n, corners), values of its functions;
-    alpha (8 n,); inside (8 n,) bool, in an enriched cell; density (8 n,), kg/m^3; impulse, moment (n, dim, 8): tau sum_j w_j F^alpha(U_j), N s/m^3, and tau^2 sum_j (k - j) w_j F^alpha(U_j);
-    before, velocity_before (n, dim, 8): u and v at the start of the step.
-    """
-
-    rows: np.ndarray
-    cell: np.ndarray
-    shape: np.ndarray
-    alpha: np.ndarray
-    inside: np.ndarray
-    density: np.ndarray
-    dim: int
-    impulse: np.ndarray = field(init=False)
-    moment: np.ndarray = field(init=False)
-    before: np.ndarray = field(init=False)
-    velocity_before: np.ndarray = field(init=False)
-
-    def __post_init__(self):
-        shape = len(self.rows), self.dim, LANES
-        self.impulse, self.moment, self.before, self.velocity_before = (np.zeros(shape) for _ in range(4))
-
-
-@dataclass
-class Collar:
-    """Particles that move as the global solution says: u + t v + t^2/2 a, with a extrapolated to the middle of the step. (n, dim) each."""
-
-    slots: np.ndarray
-    cell: np.ndarray
-    shape: np.ndarray
-    dim: int
-    displacement: np.ndarray = field(init=False)
-    velocity: np.ndarray = field(init=False)
-    acceleration: np.ndarray = field(init=False)
-
-    def __post_init__(self):
-        self.displacement, self.velocity, self.acceleration = (np.zeros((len(self.slots), self.dim)) for _ in range(3))
 
 
 class LocalParticles:
@@ -64,7 +22,8 @@ class LocalParticles:
     Attributes
     ----------
     subdomain, law, lattice : Subdomain of the whole body, its law, and the CellLattice. density (n_block,). alpha (n_slots,). inside (n_slots,) bool.
-    points : Points of the enriched owned cells. rows : int32, rows swept with whole forces. blended : Blended. collar : Collar.
+    cells (n,) int32, cell_slots (n, ratio^dim) int64 : the enriched owned cells in the order they came, and their particles, all there as bodies hold whole cells.
+    rows : int32, rows swept with whole forces; moving : rows with a particle that moves. blended : Blended. collar : Collar.
     broken, bond_evaluations : directed bonds of this rank so far. seconds : {"force", "exchange", "wait", "integrate"}.
     """
 
@@ -76,7 +35,9 @@ class LocalParticles:
         self.density, self._block = law.density, particles.block.copy()
         self.alpha, self._inverse_density = np.zeros(n_slots), np.zeros(n_slots)
         self.inside, self._cell, self._number = np.zeros(n_slots, bool), np.zeros(n_slots, np.int32), np.zeros(n_slots, np.uint16)
-        self.enriched = np.zeros(len(lattice.mesh.cells), bool)
+        self._status, self._swept = np.zeros(n_slots, np.int8), np.zeros(-(-n_slots // LANES), np.uint8)
+        self.enriched, self._weight = np.zeros(len(lattice.mesh.cells), bool), np.zeros(len(lattice.mesh.points))
+        self.cells, self.cell_slots = np.empty(0, np.int32), np.empty((0, len(lattice.template)), np.int64)
         self._positions, self.acting, self.load_work = None, [], 0.0
         self.broken, self.bond_evaluations, self.particle_steps = 0, 0, 0
         self.seconds = dict.fromkeys(("force", "exchange", "wait", "integrate"), 0.0)
@@ -86,30 +47,32 @@ class LocalParticles:
     def follow(self, patches, weight, displacement, velocity):
         """Take in the particles of newly enriched cells, with the state the mesh has there, and find what is swept. Local.
 
-        weight : (n_vertices,), alpha is its interpolation. displacement, velocity : (n_vertices, dim), fresh ghosts included.
+        Only the surroundings of cells that changed are looked at. weight : (n_vertices,), alpha is its interpolation. displacement, velocity : (n_vertices, dim),
+        fresh ghosts included.
         """
-        mesh, particles, lattice = self.lattice.mesh, self.subdomain.particles, self.lattice
-        self._take_in(np.flatnonzero(patches.enriched & ~self.enriched), displacement, velocity)
-        self.enriched = patches.enriched.copy()
+        mesh = self.lattice.mesh
+        new = patches.enriched & ~self.enriched
+        changed = (weight != self._weight)[mesh.cells].any(axis=1)
+        self._take_in(np.flatnonzero(new), displacement, velocity)
+        self._set_alpha(np.flatnonzero(changed), weight)
+        self.enriched, self._weight = patches.enriched.copy(), weight.copy()
         ramped = (weight[mesh.cells] > 0.0).any(axis=1)
-        self._set_alpha(np.flatnonzero(ramped), weight)
-        near = patches.around(ramped | patches.enriched)
-        self.points = lattice.points_of(np.flatnonzero(patches.enriched[: mesh.n_owned_cells]), self.density)
-        outer = np.flatnonzero(near & ~patches.enriched)
-        slots, cells, numbers = self.slots_of(outer)
-        ghost = cells >= mesh.n_owned_cells
-        owned = np.concatenate([self.points.slots, slots[~ghost]])
-        status = np.zeros(len(owned), np.int8)
-        blend.find_blended(self.subdomain.bonds.arrays, particles.block, owned, self.alpha, status)
-        self._cell[slots], self._number[slots] = cells + 1, numbers
-        prescribed = ghost.copy()
-        prescribed[~ghost] = status[len(self.points.slots) :] > 0
-        self.collar = Collar(slots[prescribed], cells[prescribed], lattice.shape[numbers[prescribed]], mesh.dim)
-        self._choose_rows(owned, status)
-        self._positions = self._exchange.restricted(self.inside).bind(particles.position)
+        self._look_around(np.flatnonzero(patches.around(changed | new)[: mesh.n_owned_cells]))
+        self._hold(np.flatnonzero(patches.around(ramped | patches.enriched) & ~patches.enriched))
+        self._positions = self._exchange.restricted(self.inside).bind(self.subdomain.particles.position)
         self.load_work = self.external_work().sum()
         self.acting = [load.within(self.inside) for load in self.loads]
         self.acting_on_lanes = [LoadOnLanes(load, self.blended) for load in self.acting]
+
+    @cached_property
+    def points(self):
+        """Points of the enriched owned cells, ascending."""
+        return self.lattice.points_of(np.sort(self.cells), self.density)
+
+    @property
+    def n_active(self):
+        """Particles of this rank that move by themselves."""
+        return self.cell_slots.size
 
     def _take_in(self, cells, displacement, velocity):
         """Give the particles of new cells the nodal fields, and let them move and fail."""
@@ -117,15 +80,17 @@ class LocalParticles:
         slots, cell, number = self.slots_of(cells)
         self.inside[slots] = True
         particles.block[slots] = self._block[slots]
-        self._cell[slots], self._number[slots] = cell + 1, number
+        values = np.empty((len(slots), mesh.dim))
+        interpolate(mesh.cells, cell, number, self.lattice.shape, displacement, values)
+        particles.position[slots] = values
+        interpolate(mesh.cells, cell, number, self.lattice.shape, velocity, values)
         owned = cell < mesh.n_owned_cells
-        for target, source in ((particles.position, displacement), (particles.velocity, velocity)):
-            mine = slots[owned] if target is particles.velocity else slots
-            values = np.empty((len(mine), mesh.dim))
-            chosen = owned if target is particles.velocity else slice(None)
-            interpolate(mesh.cells, cell[chosen], self.lattice.shape[number[chosen]], source, values)
-            target[mine] = values
+        particles.velocity[slots[owned]] = values[owned]
         self._inverse_density[slots[owned]] = 1.0 / self.density[particles.block[slots[owned]]]
+        mine = np.asarray(cells[cells < mesh.n_owned_cells], np.int32)
+        self.cells = np.concatenate([self.cells, mine])
+        self.cell_slots = np.concatenate([self.cell_slots, self.lattice.slots_of(mine)])
+        self.__dict__.pop("points", None)
 
     def slots_of(self, cells):
         """Return (slots, cells, numbers in them) of the particles of local cells that this rank holds, (n,) each."""
@@ -135,7 +100,7 @@ class LocalParticles:
         return slots[there], cell, np.broadcast_to(np.arange(slots.shape[1], dtype=np.int32), slots.shape)[there]
 
     def _set_alpha(self, cells, weight):
-        """Interpolate alpha in cells where it is above 0; values within round-off of 0 and 1 become these."""
+        """Interpolate alpha in cells; values within round-off of 0 and 1 become these."""
         mesh = self.lattice.mesh
         values = weight[mesh.cells[cells]] @ self.lattice.shape.T
         values[np.abs(values - 1.0) < 1e-9] = 1.0
@@ -144,21 +109,28 @@ class LocalParticles:
         there = slots >= 0
         self.alpha[slots[there]] = values[there]
 
-    def _choose_rows(self, owned, status):
-        """Find the rows of eight with a particle that moves or whose blended force counts, and those of them where the two differ."""
-        arrays, mesh = self.subdomain.bonds.arrays, self.lattice.mesh
-        swept = np.unique(owned[(status > 0) | self.inside[owned]] // LANES)
-        mixed = np.unique(owned[status == 1] // LANES)
-        self.rows = (np.setdiff1d(swept, mixed, assume_unique=True) * LANES).astype(np.int32)
-        self.moving = (np.unique(self.points.slots // LANES) * LANES).astype(np.int32)
-        mark_kinds(arrays.offset, self.subdomain.particles.block, (swept * LANES).astype(np.int32), arrays.kind)
-        lane = (mixed[:, None] * LANES + np.arange(LANES)).ravel()
-        mine = np.zeros(len(self.alpha), bool)
-        mine[owned] = True
-        cell = np.where(mine[lane], self._cell[lane] - 1, -1).astype(np.int32)
-        shape = self.lattice.shape[self._number[lane]]
-        density = self.density[np.where(cell < 0, 0, self._block[lane])]
-        self.blended = Blended((mixed * LANES).astype(np.int32), cell, shape, self.alpha[lane], self.inside[lane] & mine[lane], density, mesh.dim)
+    def _look_around(self, cells):
+        """Find anew what alpha is around the particles of owned cells, and which rows of eight are swept, and how."""
+        domain, arrays = self.subdomain, self.subdomain.bonds.arrays
+        slots, cell, number = self.slots_of(cells)
+        status = np.empty(len(slots), np.int8)
+        blend.find_blended(arrays, domain.particles.block, slots, self.alpha, status)
+        self._status[slots], self._cell[slots], self._number[slots] = status, cell + 1, number
+        mark_rows(slots, self._status, self._inverse_density, self._swept)
+        self.rows = rows_with(self._swept, WHOLE, MIXED)
+        self.moving = rows_with(self._swept, MOVING, 0)
+        mixed = rows_with(self._swept, MIXED, 0)
+        lane = (mixed[:, None] + np.arange(LANES)).ravel()
+        mine = self._status[lane] > 0
+        density = self.density[np.where(mine, self._block[lane], 0)]
+        lattice, cell = self.lattice, np.where(mine, self._cell[lane] - 1, -1)
+        self.blended = Blended(mixed, cell, self._number[lane], lattice.shape, self.alpha[lane], self.inside[lane] & mine, density, lattice.mesh.dim)
+
+    def _hold(self, cells):
+        """Let the collar be the particles of `cells`, around the enriched ones, that are ghosts or within reach of alpha > 0."""
+        slots, cell, number = self.slots_of(cells)
+        prescribed = (cell >= self.lattice.mesh.n_owned_cells) | (self._status[slots] > 0)
+        self.collar = Collar(slots[prescribed], cell[prescribed], number[prescribed], self.lattice.mesh.dim)
 
     def outside(self, cells):
         """Return (n, ratio^dim), 1 - alpha at the particles of owned cells (n,), 0 where there is none. Local."""
@@ -178,7 +150,7 @@ class LocalParticles:
         """Take from nodal fields (n_vertices, dim), ghosts fresh, how the collar moves in the step to come. Local."""
         collar, cells = self.collar, self.lattice.mesh.cells
         for nodal, held in ((displacement, collar.displacement), (velocity, collar.velocity), (acceleration, collar.acceleration)):
-            interpolate(cells, collar.cell, collar.shape, nodal, held)
+            interpolate(cells, collar.cell, collar.number, self.lattice.shape, nodal, held)
 
     def run(self, k, tau, start):
         """Do k sub-steps of tau, s, from time `start` of velocity Verlet; blended impulses are summed on the way. Collective over neighbours.
@@ -200,7 +172,7 @@ class LocalParticles:
             self.refresh()
             self._forces(0.5 * tau if j == k else tau, (k - j) * tau**2, start + j * tau)
         self._kick(0.5 * tau)
-        self.particle_steps += k * len(self.points.slots)
+        self.particle_steps += k * self.n_active
 
     def add_loads_to_sums(self, k):
         """Add what loads on blended particles did in the k sub-steps of the last run to their impulses and moments. Local."""
@@ -216,17 +188,39 @@ class LocalParticles:
     def _forces(self, weight, moment_weight, time):
         """Evaluate forces, breaking bonds, and add their blended part, times these weights, to the impulses."""
         started = perf_counter()
-        domain, particles, blended = self.subdomain, self.subdomain.particles, self.blended
-        arrays, points, law, third = domain.bonds.arrays, domain.points, self.law, self._third
-        broken = sweeps.bond_forces(arrays, points, law, None, True, third, self.rows, particles.force_density, particles.dissipated)
-        weights = np.array([weight, moment_weight])
-        broken += blend.blended_forces(arrays, points, law, third, blended.rows, self.alpha, particles.force_density, particles.dissipated, weights,
-                                       blended.impulse, blended.moment)
-        self.broken += broken
-        self.bond_evaluations += LANES * (len(self.rows) + len(blended.rows)) * len(arrays.offset)
+        particles = self.subdomain.particles
+        self.broken += self._sweep(self.subdomain.bonds.arrays, self.law, np.array([weight, moment_weight]))
         for load in self.acting:
             load.add_to(particles.force_density, time)
         self.seconds["force"] += perf_counter() - started
+
+    def _sweep(self, bonds, law, weights):
+        """Evaluate forces and add their blended part, times the two weights, to the impulses and moments; return the directed bonds that broke. Local."""
+        domain, particles, blended = self.subdomain, self.subdomain.particles, self.blended
+        broken = sweeps.bond_forces(bonds, domain.points, law, None, True, self._third, self.rows, particles.force_density, particles.dissipated)
+        broken += blend.blended_forces(bonds, domain.points, law, self._third, blended.rows, self.alpha, self._inverse_density, particles.force_density, particles.dissipated, weights,
+                                       blended.impulse, blended.moment)
+        self.bond_evaluations += LANES * (len(self.rows) + len(blended.rows)) * len(bonds.offset)
+        return broken
+
+    def evaluate(self, time=None):
+        """Store the present blended forces F^alpha in the impulses, N/m^3, whole ones in force_density, loads at `time`, s, included. Collective over neighbours.
+
+        The collar stands where hold_collar has put it. Without a time there are no loads, and no bond breaks: linear in the displacements.
+        """
+        particles, blended, bonds, law = self.subdomain.particles, self.blended, self.subdomain.bonds.arrays, self.law
+        blended.impulse[:] = 0.0
+        blended.moment[:] = 0.0
+        self._place_collar(0.0)
+        self.refresh()
+        if time is None:
+            bonds, law = bonds._replace(trigger=np.full_like(bonds.trigger, np.inf)), law._replace(break_at=np.full_like(law.break_at, np.inf))
+        self.broken += self._sweep(bonds, law, np.array([1.0, 0.0]))
+        if time is not None:
+            for load in self.acting:
+                load.add_to(particles.force_density, time)
+            for load in self.acting_on_lanes:
+                load.add_to(blended, load.time_function.value(time), 0.0)
 
     def _drift(self, kick, tau):
         started = perf_counter()
@@ -251,12 +245,29 @@ class LocalParticles:
         """Return (n,) J, contributions to the work of loads on the particles of enriched cells. Local."""
         return np.concatenate([np.array([self.load_work]), *(load.work * self.volume for load in self.acting)])
 
-    def wanting(self, cells, share):
-        """Return (n,) bool: owned cells (n,) with a particle that is stretched beyond `share` of its limit, or has a broken bond. Local."""
-        slots = self.lattice.slots_of(np.asarray(cells, np.int32))
-        there = slots >= 0
-        flags = np.zeros(int(there.sum()), bool)
-        blend.strained_or_broken(self.subdomain.bonds.arrays, self.subdomain.points, self.law, self._third, slots[there], share, flags)
-        found = np.zeros(slots.shape, bool)
-        found[there] = flags
-        return found.any(axis=1)
+    def watch(self, cells):
+        """Look from now on at the particles of these owned cells, (n_owned_cells,) bool, for bonds that stretch or break; none is broken yet. Local."""
+        arrays = self.subdomain.bonds.arrays
+        slots, _, _ = self.slots_of(np.flatnonzero(cells))
+        rows = np.zeros(len(self._swept), bool)
+        rows[slots // LANES] = True
+        self._watched = (np.flatnonzero(rows) * LANES).astype(np.int32)
+        lane = (self._watched[:, None] + np.arange(LANES)).ravel()
+        cell = self._cell[lane] - 1
+        self._watched_cell = np.where((cell >= 0) & (cell < len(cells)) & self.inside[lane], cell, -1)
+        self._watched_cell[~cells[self._watched_cell]] = -1
+        self._flags, self._known = np.zeros(len(lane)), arrays.alive[:, lane].copy()
+
+    def wanting(self, share):
+        """Return (n_owned_cells,) bool: watched cells with a particle that is stretched beyond `share` of its limit, or has a broken bond. Local."""
+        domain, wanted = self.subdomain, np.zeros(self.lattice.mesh.n_owned_cells, bool)
+        if len(self._watched) == 0:
+            return wanted
+        blend.strained_rows(domain.bonds.arrays, domain.points, self._watched, share, self._known, self._flags)
+        found = np.flatnonzero((self._flags > 0.0) & (self._watched_cell >= 0))
+        if len(found):
+            slots = self._watched[found // LANES] + found % LANES
+            sure = np.empty(len(slots), bool)
+            blend.strained_or_broken(domain.bonds.arrays, domain.points, self.law, self._third, slots, share, sure)
+            wanted[self._watched_cell[found[sure]]] = True
+        return wanted

@@ -5,7 +5,7 @@ Elements act with the weight 1 - alpha at their particles' places; what the part
 import numpy as np
 
 from pdhpc.gfem import lanes
-from pdhpc.gfem.lattice_material import add_cell_forces, add_kind_forces, cell_energies
+from pdhpc.gfem.lattice_material import add_kind_forces, kind_energies
 from pdhpc.jit import kernel
 
 
@@ -29,7 +29,7 @@ class MeshSolution:
         self.change = np.zeros(shape)  # c of the displacement, then e of the velocity
         self.right = np.zeros(shape)
         self._change, self._right = mesh.exchange.bind(self.change), mesh.exchange.bind(self.right)
-        self._half, self.first = np.zeros(shape), True
+        self._half, self._buffer, self.first = np.zeros(shape), np.zeros(8), True
         self.load_work = np.zeros(len(mesh.points))
         self.held = np.zeros(shape, bool)
         for motion in motions:
@@ -48,20 +48,15 @@ class MeshSolution:
         """Add what other ranks have of `right` at this rank's vertices. Collective over neighbours."""
         self._right.accumulate()
 
-    def follow(self, patches, weight, ramp):
-        """Split the cells into plain ones, those on the ramp and those that particles have to themselves; sum up lumped masses and loads outside. Collective.
+    def follow(self, patches, weight):
+        """Find which elements act, and how much; sum up lumped masses and loads outside. Collective over neighbours.
 
-        weight : (n_vertices,), of which alpha is the interpolation. ramp : function of owned cells (n,) -> (n, ratio^dim), 1 - alpha at their particles.
+        weight : (n_vertices,), 0 or 1, of which alpha is the interpolation.
         """
-        mesh, material, owned = self.mesh, self.material, self.mesh.n_owned_cells
-        self.enriched = patches.enriched[:owned].copy()
-        ramped = (weight[mesh.cells[:owned]] > 0.0).any(axis=1)
-        self._plain = np.flatnonzero(~ramped).astype(np.int32)
-        chosen = np.flatnonzero(ramped).astype(np.int32)
-        outside = ramp(chosen)
-        acting = outside.any(axis=1)
-        self._ramped = chosen[acting]
-        self._ramped_stiffness = material.ramped(self._ramped, outside[acting])
+        mesh, material = self.mesh, self.material
+        self.enriched = patches.enriched[: mesh.n_owned_cells].copy()
+        self._kind, acting = material.ramped_kind(weight)
+        self._acting = np.flatnonzero(acting).astype(np.int32)
         self.outside_mass = self._summed(np.flatnonzero(~self.enriched), material.lumped)
         self._outside_loads = [load.outside(mesh, self.enriched) for load in self.loads]
 
@@ -83,10 +78,8 @@ class MeshSolution:
 
     def evaluate_elements(self):
         """As `evaluate`, without loads."""
-        mesh, material = self.mesh, self.material
         self.force[:] = 0.0
-        add_kind_forces(mesh.cells, self._plain, material.kind, material.stiffness, self.displacement, self.force)
-        add_cell_forces(mesh.cells, self._ramped, self._ramped_stiffness, self.displacement, self.force)
+        add_kind_forces(self.mesh.cells, self._acting, self._kind, self.material.stiffness, self.displacement, self.force, self._buffer)
 
     def steer(self, time, dt):
         """Put in `change` what takes prescribed components from `time` to where they must be at time + dt. Local."""
@@ -141,14 +134,9 @@ class MeshSolution:
         return state
 
     def strain_energies(self):
-        """Return (n_owned_cells,) J, of the elements of this rank. Local."""
-        mesh, energy = self.mesh, np.zeros(self.mesh.n_owned_cells)
-        plain = np.empty(len(self._plain))
-        kind_energies(mesh.cells, self._plain, self.material.kind, self.material.stiffness, self.displacement, plain)
-        energy[self._plain] = plain
-        ramped = np.empty(len(self._ramped))
-        cell_energies(mesh.cells, self._ramped, self._ramped_stiffness, self.displacement, ramped)
-        energy[self._ramped] = ramped
+        """Return (n,) J, of the elements of this rank that act. Local."""
+        energy = np.zeros(len(self._acting))
+        kind_energies(self.mesh.cells, self._acting, self._kind, self.material.stiffness, self.displacement, energy)
         return energy
 
     def kinetic_energies(self):
@@ -163,18 +151,6 @@ def add_scaled(target, factor, source):
     for n in range(len(target)):
         for d in range(target.shape[1]):
             target[n, d] += factor * source[n, d]
-
-
-@kernel
-def kind_energies(cells, chosen, kind, stiffness, displacement, energy):
-    """As cell_energies, stiffness[kind[cell]] of each."""
-    corners, dim = cells.shape[1], displacement.shape[1]
-    for n in range(len(chosen)):
-        corner, k, total = cells[chosen[n]], stiffness[kind[chosen[n]]], 0.0
-        for m in range(corners * dim):
-            for j in range(corners * dim):
-                total += displacement[corner[m // dim], m % dim] * k[m, j] * displacement[corner[j // dim], j % dim]
-        energy[n] = 0.5 * total
 
 
 @kernel

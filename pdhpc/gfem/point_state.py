@@ -65,6 +65,15 @@ class PointState:
         add_at_vertices(cells, points.cell, points.start, points.shape, self.momentum, right)
         add_outside(blended.cell, blended.inside, blended.shape, sums, local.volume, cells, right)
 
+    def gather_forces(self, cells, right):
+        """Set momentum to V_p F_p, N, of the forces that LocalParticles.evaluate left, and add what all particles have of them to right (n_vertices, dim). Local."""
+        local, blended, points = self._local, self._local.blended, self._local.points
+        take_points(points.slots, local.subdomain.particles.force_density, self.momentum)
+        self.momentum *= local.volume
+        put_blended(self._lane, self._point, self.velocity, blended.density, blended.impulse, 0.0, local.volume, self.momentum)
+        add_at_vertices(cells, points.cell, points.start, points.shape, self.momentum, right)
+        add_outside(blended.cell, blended.inside, blended.shape, blended.impulse, local.volume, cells, right)
+
     def put(self, displacement, velocity):
         """Give the particles this state, (n, dim) each, None for what stays. Local."""
         particles, slots = self._local.subdomain.particles, self._local.points.slots

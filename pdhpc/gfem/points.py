@@ -79,12 +79,15 @@ def _slots_of(first, template, step, cells, block, slots):
 
 
 @kernel
-def interpolate(cells, points_cell, shape, values, result):
-    """Store sum_i N_i values[i] at points in result (n, width); points_cell (n,) local cells, shape (n, corners), values (n_vertices, width)."""
-    for p in range(len(points_cell)):
-        corner = cells[points_cell[p]]
+def interpolate(cells, cell, number, shape, values, result):
+    """Store sum_i N_i values[i] in result (n, width) at particles `number` (n,) of local cells `cell` (n,).
+
+    cells (n_cells, corners); shape (n_points, corners), of CellLattice; values (n_vertices, width).
+    """
+    for p in range(len(cell)):
+        corner = cells[cell[p]]
         for d in range(values.shape[1]):
             total = 0.0
             for a in range(shape.shape[1]):
-                total += shape[p, a] * values[corner[a], d]
+                total += shape[number[p], a] * values[corner[a], d]
             result[p, d] = total

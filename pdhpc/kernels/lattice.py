@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pdhpc.jit import implements, inlined, kernel
+from pdhpc.jit import implements, inlined
 from pdhpc.kernels import family
 from pdhpc.kernels.family import MIXED
 from pdhpc.kernels.simd import (
@@ -490,22 +490,3 @@ def _moduli_of_table(near, law, points, state, i, j):
 @implements(bond_moduli, States)
 def _moduli_of_states(near, law, points, state, i, j):
     return moduli(law, (near.a, near.p), (load8(state, j), load8(state, len(state) + j)))
-
-
-@kernel
-def mark_kinds(offset, block, blocks, kind):
-    """Store in kind the block of all particles of each block of eight and within reach of them, or MIXED. blocks (n,) int32, first slots; block (n_slots,) uint8."""
-    for t in range(len(blocks)):
-        same, one = MIXED, True
-        for i in range(blocks[t], blocks[t] + LANES):
-            if block[i] == MIXED:
-                continue
-            if same == MIXED:
-                same = block[i]
-            one = one and block[i] == same
-            for k in range(len(offset)):
-                j = block[i + offset[k]]
-                one = one and (j == MIXED or j == same)
-            if not one:
-                break
-        kind[blocks[t] >> 3] = same if one else MIXED

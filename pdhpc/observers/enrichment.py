@@ -30,7 +30,7 @@ class Enrichment:
         stored.append(exact_sum(comm, np.concatenate([ledger["kinetic_energy"], ledger["strain_energy"]])) - stored[0])
         enriched = comm.allreduce(np.asarray(stepper.scheme.enriched[0], np.int64))
         self.latest = {
-            "active_share": comm.allreduce(len(local.points.slots)) / self._total,
+            "active_share": comm.allreduce(local.n_active) / self._total,
             "enriched_x": int(enriched[0]),
             "enriched_y": int(enriched[1]),
             "energy_elements": stored[0],

@@ -94,7 +94,6 @@ class LinearSolver:
         self.failure = self.failure or _diverged(self._ksp, self.prefix)
         return self._x.getArray().copy()
 
-
     def condition(self):
         """Return an estimate, from below, of the condition number of the preconditioned operator, from CG's iterations for one right side. Collective."""
         if self._n == 0:
@@ -147,18 +146,27 @@ class AssembledSolver:
         self._ksp.setInitialGuessNonzero(True)
         self._ksp.setFromOptions()
         self._right, self._x = self._matrix.createVecs()
+        self._product = self._right.duplicate()
 
     def fill(self, values):
         """Set the entries of this rank's rows, (nnz,). Collective."""
         self._matrix.setValuesCSR(self._indptr, self._columns, values)
         self._matrix.assemble()
 
-    def solve(self, right, guess=0.0):
-        """Return the solution (n_local,), of an iteration that starts from `guess`; `failure` as of LinearSolver.solve. Collective."""
+    def solve(self, right, guess=None):
+        """Return the solution (n_local,); `failure` as of LinearSolver.solve. Collective.
+
+        guess : None, or (n_local,): the iteration starts from that multiple of it which is nearest to the solution in the norm of the matrix, positive definite.
+        """
         if self._n == 0:
             return np.zeros(0)
         self._right.getArray()[...] = right
-        self._x.getArray()[...] = guess
+        self._x.set(0.0)
+        if guess is not None:
+            self._x.getArray()[...] = guess
+            self._matrix.mult(self._x, self._product)
+            size = self._x.dot(self._product)
+            self._x.scale(self._x.dot(self._right) / size if size > 0.0 else 0.0)
         self._ksp.solve(self._right, self._x)
         self.iterations = self._ksp.getIterationNumber()
         self.failure = self.failure or _diverged(self._ksp, self.prefix)

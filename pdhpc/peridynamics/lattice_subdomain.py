@@ -3,7 +3,7 @@ import numpy as np
 
 from pdhpc.jit import kernel
 from pdhpc.kernels.family import MIXED, PointArrays
-from pdhpc.kernels.lattice import WORD, LatticeArrays, mark_kinds
+from pdhpc.kernels.lattice import WORD, LatticeArrays
 from pdhpc.kernels.simd import LANES
 from pdhpc.materials.law import bond_weight, modulus, moment_weight
 from pdhpc.peridynamics.bonds import Bonds
@@ -273,8 +273,20 @@ def _find_kinds(offset, block, blocks, kind):
         if block[i] != MIXED:
             agree = agree and (only == MIXED or block[i] == only)
             only = block[i]
-    if agree:
-        for t in range(len(blocks)):
+    for t in range(len(blocks)):
+        if agree:
             kind[blocks[t] >> 3] = only
-    else:
-        mark_kinds(offset, block, blocks, kind)
+            continue
+        same, one = MIXED, True
+        for i in range(blocks[t], blocks[t] + 8):
+            if block[i] == MIXED:
+                continue
+            if same == MIXED:
+                same = block[i]
+            one = one and block[i] == same
+            for k in range(len(offset)):
+                j = block[i + offset[k]]
+                one = one and (j == MIXED or j == same)
+            if not one:
+                break
+        kind[blocks[t] >> 3] = same if one else MIXED

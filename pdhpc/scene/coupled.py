@@ -8,16 +8,13 @@ from pdhpc.fem.elements import ELEMENTS
 from pdhpc.fem.mesh import cell_partition, make_box_mesh
 from pdhpc.fem.moduli import isotropic
 from pdhpc.gfem.coupled_step import CoupledStep
-from pdhpc.gfem.enrichment import EnrichedSpace
-from pdhpc.gfem.galerkin import Galerkin
 from pdhpc.gfem.lattice_material import LatticeMaterial
 from pdhpc.gfem.loads import ParticleLoad
 from pdhpc.gfem.local_particles import LocalParticles
 from pdhpc.gfem.mesh_solution import MeshSolution
-from pdhpc.gfem.patch_mass import PatchMass
 from pdhpc.gfem.patches import Patches
-from pdhpc.gfem.pinned import Pinned
 from pdhpc.gfem.points import CellLattice
+from pdhpc.gfem.schemes import make_scheme
 from pdhpc.gfem.stable_step import lumped_step
 from pdhpc.observers.enrichment import Enrichment, EnrichmentGuard
 from pdhpc.parallel.comm import largest
@@ -130,25 +127,19 @@ class CoupledParts:
             may_not_fail[block] = body.blocks[material, False]
         self.local = LocalParticles(self.lattice, subdomain, body.law, self.part.exchange, may_not_fail, loads)
         self._set_initial_state()
-        self.solution.follow(self.patches, np.zeros(len(self.mesh.points)), self.local.outside)
+        self.solution.follow(self.patches, np.zeros(len(self.mesh.points)))
         self.solution.begin()
         self.critical_dt = lumped_step(comm, self.solution)
 
     def stepper(self, dt, k):
         """Return the CoupledStep of global steps dt, s, with k sub-steps. Collective."""
         setting, mesh = self.scene.gfem, self.mesh
-        scheme = self._scheme(dt, k)
+        tolerance = TOLERANCE if setting.tolerance is None else setting.tolerance
+        scheme = make_scheme(setting.scheme, self.solution, self.local, (dt, k), tolerance, not self.scene.time.allow_unstable)
         stepper = CoupledStep(self.comm, self.patches, self.local, self.solution, scheme, ACTIVATION if setting.activation is None else setting.activation)
         self.patches.add(np.ones(mesh.n_owned_cells, bool) if setting.everywhere else self._cracked())
         stepper.follow()
         return stepper
-
-    def _scheme(self, dt, k):
-        """Return what fills in the verbs of a coupled step."""
-        setting = self.scene.gfem
-        if setting.scheme == "galerkin":
-            return Galerkin(self.solution, self.local, EnrichedSpace(self.mesh), dt, k, TOLERANCE if setting.tolerance is None else setting.tolerance)
-        return Pinned(self.solution, self.local, PatchMass(self.comm, self.mesh, self.material), dt, k)
 
     def _cracked(self):
         """Return (n_owned_cells,) bool, cells with a particle that has lost a bond to a pre-crack."""

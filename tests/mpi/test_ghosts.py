@@ -116,3 +116,20 @@ def test_a_rank_with_nothing_takes_part(comm):
     field[: len(owned)] = owned[:, None]
     exchange.bind(field).refresh()
     assert comm.rank != 1 or field[:, 0].tolist() == [1.0, 3.0]
+
+
+@pytest.mark.mpi(min_size=2)
+def test_a_restricted_exchange_moves_what_is_marked(comm):
+    """Even ids only: odd ghosts keep what they have, and odd owners gain nothing."""
+    exchange, owned, ghosts = ring(comm)
+    ids = np.concatenate([owned, ghosts])
+    field = np.full((len(ids), 2), -1.0)
+    field[:N] = owned[:, None]
+    bound = exchange.restricted(ids % 2 == 0).bind(field)
+    bound.refresh()
+    assert np.array_equal(field[N:, 0], np.where(ghosts % 2 == 0, ghosts, -1))
+    field[:N], field[N:] = 0.0, 1.0
+    bound.accumulate()
+    held = sum(np.bincount(each, minlength=N * comm.size) for each in comm.allgather(ghosts))
+    assert np.array_equal(field[:N, 1], np.where(owned % 2 == 0, held[owned], 0))
+    bound.free()

@@ -38,3 +38,55 @@ def intact_pairs():
 def lose_bonds():
     """Function (subdomain, row) that breaks all bonds of an owned particle, at its end only."""
     return _lose_bonds
+
+
+CRACK = '[[crack]]\ntype = "polyline"\npoints = [[-{half}, 0.0], [{tip}, 0.0]]\n'
+
+
+def _coupled_text(cells=(24, 16), extra="", material="", tip=-4.0, scheme="pinned"):
+    """Return the text of a plate of elements and particles, both of E = rho = 1: spacing 1, horizon 3, cells of 4, centred on 0; a crack along y = 0 up to x = `tip`, or None."""
+    from pdhpc.study.verify.case import plate
+
+    crack = "" if tip is None else CRACK.format(half=cells[0] / 2 + 1, tip=tip)
+    text = plate(cells, extra=f'[mesh]\ncell_size = 4.0\n[gfem]\nscheme = "{scheme}"\n{crack}{extra}', material=material)
+    return 'model = "gfem"\n' + text
+
+
+@pytest.fixture
+def coupled_text():
+    """Function -> the text of a scene of a coupled plate, see _coupled_text."""
+    return _coupled_text
+
+
+@pytest.fixture
+def coupled_plate():
+    """Function (overrides, **options of _coupled_text) -> the CoupledProblem of that plate in this process alone."""
+    from pdhpc.study.verify.case import problem_of
+
+    def make(overrides=(), **options):
+        return problem_of(_coupled_text(**options), list(overrides))
+
+    return make
+
+
+@pytest.fixture
+def shake():
+    """Function stepper, size -> the stepper, every particle and vertex of it displaced and moving as smooth fields of that size, fields of the vertices interpolated."""
+    return _shake
+
+
+def _shake(stepper, size):
+    solution, local = stepper.solution, stepper.local
+    lattice, particles, mesh = local.lattice, local.subdomain.particles, solution.mesh
+    x = mesh.points
+    solution.displacement[:] = size * np.stack([np.sin(0.3 * x[:, 0] + 0.2 * x[:, 1]), np.cos(0.25 * x[:, 0] - 0.35 * x[:, 1])], axis=1)
+    solution.velocity[:] = size * np.stack([np.cos(0.2 * x[:, 1] + 0.1), np.sin(0.3 * x[:, 0] - 0.4)], axis=1)
+    slots, cells, numbers = local.slots_of(np.flatnonzero(local.enriched))
+    for nodal, field in ((solution.displacement, particles.position), (solution.velocity, particles.velocity)):
+        field[slots] = np.einsum("pa,pad->pd", lattice.shape[numbers], nodal[mesh.cells[cells]])
+    for name in ("displacement", "velocity"):
+        nodal = getattr(solution, name)
+        nodal[stepper.patches.chosen] = 0.0
+    stepper.scheme.settle()
+    solution.evaluate(stepper.time)
+    return stepper

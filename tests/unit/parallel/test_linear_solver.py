@@ -29,6 +29,14 @@ def test_nothing_to_solve(comm):
     assert len(LinearSolver(comm, "test_", Defaults("cg"), 0, lambda x: x, np.empty(0)).solve(np.empty(0))) == 0
 
 
+def test_condition_is_that_of_the_scaled_matrix(comm):
+    solver = LinearSolver(comm, "test_", Defaults("cg", 1e-12), 3, lambda x: MATRIX @ x, np.diag(MATRIX))
+    scale = 1 / np.sqrt(np.diag(MATRIX))
+    assert solver.condition() == pytest.approx(np.linalg.cond(MATRIX * scale * scale[:, None]), rel=1e-6)
+    assert MATRIX @ solver.solve(np.ones(3)) == pytest.approx(np.ones(3)) and solver.failure is None, "the solver itself is as before"
+    assert LinearSolver(comm, "test_", Defaults("cg"), 0, lambda x: x, np.empty(0)).condition() == 1.0
+
+
 def assembled(comm, iterations=200):
     """The solver on MATRIX, filled, with the zeros of its corners left out."""
     indptr, columns = np.array([0, 2, 5, 7]), np.array([0, 1, 0, 1, 2, 1, 2])
@@ -42,7 +50,7 @@ def test_assembled_rows_are_solved_and_refilled(comm):
     solver, right = assembled(comm), np.array([1.0, 2.0, 3.0])
     x = solver.solve(right)
     assert MATRIX @ x == pytest.approx(right) and solver.iterations == 3 and solver.failure is None
-    assert solver.solve(right, x) == pytest.approx(x) and solver.iterations == 0, "the iteration starts from the guess"
+    assert solver.solve(right, -1e6 * x) == pytest.approx(x) and solver.iterations == 0, "the iteration starts from the multiple of the guess that is best"
     scale = 1 / np.sqrt(np.diag(MATRIX))
     assert solver.condition() == pytest.approx(np.linalg.cond(MATRIX * scale * scale[:, None]), rel=1e-6)
 

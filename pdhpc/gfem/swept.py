@@ -1,0 +1,85 @@
+"""What a sweep over local particles goes through: rows of eight, those whose forces are blended, and the collar that moves as it is told."""
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from pdhpc.jit import kernel
+from pdhpc.kernels.simd import LANES
+
+WHOLE, MIXED, MOVING = 1, 2, 4
+"""Marks of a row of eight: a particle with a force that counts, one whose blended force is not all its own, one that moves by itself."""
+
+
+@dataclass
+class Blended:
+    """The particles, eight to a row, whose force is not all theirs: on the ramp, or within a bond of it. Lane l of row t stands at 8 t + l.
+
+    rows (n,) int32, first slots. cell (8 n,) int32, local cell of each lane, -1 where this rank owns no particle; number (8 n,), of the particle in its cell; table
+    (ratio^dim, corners), the cell's functions by that number; alpha (8 n,); inside (8 n,) bool, in an enriched cell; density (8 n,), kg/m^3; impulse, moment (n, dim, 8): tau sum_j w_j F^alpha(U_j), N s/m^3, and tau^2 sum_j (k - j) w_j F^alpha(U_j);
+    before, velocity_before (n, dim, 8): u and v at the start of the step.
+    """
+
+    rows: np.ndarray
+    cell: np.ndarray
+    number: np.ndarray
+    table: np.ndarray
+    alpha: np.ndarray
+    inside: np.ndarray
+    density: np.ndarray
+    dim: int
+    impulse: np.ndarray = field(init=False)
+    moment: np.ndarray = field(init=False)
+    before: np.ndarray = field(init=False)
+    velocity_before: np.ndarray = field(init=False)
+
+    def __post_init__(self):
+        shape = len(self.rows), self.dim, LANES
+        self.impulse, self.moment, self.before, self.velocity_before = (np.zeros(shape) for _ in range(4))
+
+    @cached_property
+    def shape(self):
+        """(8 n, corners), values of the functions of each lane's cell."""
+        return self.table[self.number]
+
+
+@dataclass
+class Collar:
+    """Particles that move as the global solution says: u + t v + t^2/2 a, with a extrapolated to the middle of the step. (n, dim) each."""
+
+    slots: np.ndarray
+    cell: np.ndarray
+    number: np.ndarray
+    dim: int
+    displacement: np.ndarray = field(init=False)
+    velocity: np.ndarray = field(init=False)
+    acceleration: np.ndarray = field(init=False)
+
+    def __post_init__(self):
+        self.displacement, self.velocity, self.acceleration = (np.zeros((len(self.slots), self.dim)) for _ in range(3))
+
+
+@kernel
+def mark_rows(slots, status, inverse_density, marks):
+    """Set marks (n_slots / 8,) of the rows that hold `slots` (n,) from the status of their eight particles.
+
+    status (n_slots,) : 0 no alpha around, 1 some, 2 all 1 (blend.find_blended). inverse_density (n_slots,) : above 0 where a particle moves.
+    """
+    for n in range(len(slots)):
+        row = slots[n] // LANES
+        if n > 0 and row == slots[n - 1] // LANES:
+            continue
+        mark = 0
+        for i in range(LANES * row, min(LANES * row + LANES, len(status))):
+            if status[i] > 0:
+                mark |= WHOLE
+            if status[i] == 1:
+                mark |= MIXED
+            if inverse_density[i] > 0.0:
+                mark |= MOVING
+        marks[row] = mark
+
+
+def rows_with(marks, wanted, unwanted):
+    """Return (n,) int32, the first slots of rows that have the mark `wanted` and not `unwanted`, ascending. Local."""
+    return (np.flatnonzero((marks & wanted > 0) & (marks & unwanted == 0)) * LANES).astype(np.int32)
