@@ -32,7 +32,7 @@ def ghost_force(local, solution, strain=(1.0, 1.0, 0.0)):
     solution.right[:] = solution.force
     solution.displacement[:] = kept
     outside = np.zeros(LANES * len(blended.rows), bool)
-    lanes.project_velocity(blended.rows, blended.cell, blended.shape, blended.alpha, outside, blended.velocity_before, impulse, position, blended.density, local.volume,
+    lanes.project_velocity(blended.rows, blended.cell, blended.number, blended.table, blended.alpha, outside, blended.velocity_before, impulse, position, blended.density, local.volume,
                            mesh.cells, solution.right)
     solution.gather_right()
     inner = _inner(mesh)[: mesh.n_owned]

@@ -2,6 +2,7 @@
 import numpy as np
 
 from pdhpc.conditions.loads import BodyForce
+from pdhpc.jit import kernel
 from pdhpc.kernels.simd import LANES
 
 
@@ -38,9 +39,19 @@ class ParticleLoad:
     def outside(self, mesh, enriched):
         """Return (n_vertices, dim), N at f = 1, of this rank's owned cells that are not enriched: to be accumulated. Local."""
         result = np.zeros((len(mesh.points), mesh.dim))
-        chosen = ~enriched[self.cells]
-        np.add.at(result, mesh.cells[self.cells[chosen]], self.nodal[chosen])
+        _add_nodal_loads(mesh.cells, self.cells, self.nodal, enriched, result)
         return result
+
+
+@kernel
+def _add_nodal_loads(cells, chosen, nodal, enriched, result):
+    """result[vertices] += nodal (n, corners, dim) of cells chosen (n,) that are not enriched."""
+    for n in range(len(chosen)):
+        if not enriched[chosen[n]]:
+            corner = cells[chosen[n]]
+            for a in range(len(corner)):
+                for d in range(result.shape[1]):
+                    result[corner[a], d] += nodal[n, a, d]
 
 
 class LoadOnLanes:

@@ -31,7 +31,7 @@ class CoupledView(View):
         for first in range(0, len(cells), _PIECE):
             slots, cell, number = local.slots_of(cells[first : first + _PIECE])
             values = np.empty((len(slots), mesh.dim))
-            interpolate(mesh.cells, cell, local.lattice.shape[number], nodal, values)
+            interpolate(mesh.cells, cell, number, local.lattice.shape, nodal, values)
             field[slots] = values
 
     def field(self, name):

@@ -26,16 +26,19 @@ class Check(NamedTuple):
 
 
 class Case(NamedTuple):
-    """A named function that returns Checks."""
+    """A named function that returns Checks; slow ones run in `pdhpc verify` alone, not among the tests."""
 
     name: str
     meaning: str
     function: Callable
+    slow: bool = False
 
 
-def case(function):
+def case(function=None, *, slow=False):
     """Register a function as the verification case of its name; the first line of its docstring is its meaning."""
-    CASES[function.__name__] = Case(function.__name__, function.__doc__.strip().splitlines()[0], function)
+    if function is None:
+        return lambda function: case(function, slow=slow)
+    CASES[function.__name__] = Case(function.__name__, function.__doc__.strip().splitlines()[0], function, slow)
     return function
 
 
