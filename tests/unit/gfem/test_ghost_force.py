@@ -28,7 +28,10 @@ def test_a_ramp_has_little_and_a_step_much(coupled_plate, strain, monkeypatch):
         self.alpha[:] = self.alpha > 0.0
 
     monkeypatch.setattr(LocalParticles, "_set_alpha", step_alpha)
-    step = found(coupled_plate(cells=(32, 32)).stepper(), strain)
+    stepper = coupled_plate(cells=(32, 32)).stepper()
+    by_ramp = stepper.solution.material.stiffness.reshape(-1, 16, 8, 8)
+    by_ramp[:, 1:] = 0.0  # elements act where no corner is in J
+    step = found(stepper, strain)
     assert 1e-4 < ramp < 0.05 and step > 3 * ramp, "the step lies at edges of cells, where slopes of hats jump"
 
 

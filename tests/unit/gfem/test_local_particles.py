@@ -182,8 +182,16 @@ def test_cells_want_patches_when_their_particles_are_strained(coupled_plate):
     assert np.all(local.original_block(slots) == 0) and np.all(particles.block[slots] != 0), "they may not fail yet"
     stepper.patches.add(np.arange(24) == 9)
     stepper.follow()
-    assert np.all(particles.block[slots] == 0) and not local.wanting([0, 9], 0.6).any()
+    local.watch(np.isin(np.arange(24), (9, 10)))
+
+    def wanting(share):
+        return np.flatnonzero(local.wanting(share)).tolist()
+
+    assert np.all(particles.block[slots] == 0) and wanting(0.6) == []
     particles.position[slots[5], 0] += 0.007  # its neighbours along x are 1 apart
-    assert local.wanting([0, 9, 10], 0.6).tolist() == [False, True, False] and not local.wanting([0, 9], 0.8).any()
-    local.subdomain.bonds.arrays.alive[0, lattice.slots_of(np.array([0], np.int32))[0, 7]] = 0
-    assert local.wanting([0, 9], 0.8).tolist() == [True, False]
+    assert wanting(0.6) == [9] and wanting(0.8) == []
+    for cell in (10, 5):
+        local.subdomain.bonds.arrays.alive[0, lattice.slots_of(np.array([cell], np.int32))[0, 7]] = 0
+    assert wanting(0.8) == [10], "nobody looks at cell 5"
+    local.watch(np.zeros(24, bool))
+    assert wanting(0.6) == []

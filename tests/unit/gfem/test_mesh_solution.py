@@ -31,7 +31,7 @@ def test_forces_are_the_slopes_of_energies(coupled_plate):
     solution.displacement[:] = np.random.default_rng(1).uniform(-1, 1, mesh.points.shape)
     solution.evaluate(0.0)
     force, energies = solution.force.copy(), solution.strain_energies()
-    assert np.all(energies[stepper.patches.whole] == 0.0) and stepper.patches.whole.sum() > 0 and np.all(energies[~stepper.patches.whole] > 0.0)
+    assert len(energies) == (~stepper.patches.whole).sum() < 24 and np.all(energies > 0.0)
     assert np.abs(force.sum(axis=0)).max() < 1e-12, "elements move nothing as a whole"
     for vertex in range(0, len(mesh.points), 3):
         ends = []
