@@ -104,6 +104,7 @@ class Simulation:
         if directory is not None:
             header = {"scene": scene.resolved(), "version": __version__, "ranks": self.comm.size}
             observers.append(FieldOutput(FieldWriter(self.comm, directory, header), scene.output.fields, frames))
+            observers += problem.outputs(self.comm, directory)
             gauges = [self.energies, *coupling, *self.probes, *self.tips]
             observers.append(HistoryOutput(History(Path(directory) / "history.csv", columns(gauges), self.comm), gauges, rows))
         else:

@@ -10,7 +10,7 @@ import numpy as np
 
 from pdhpc.gfem import lanes
 from pdhpc.gfem.loads import LoadOnLanes, sub_step_sums
-from pdhpc.gfem.swept import MIXED, MOVING, WHOLE, Blended, Collar, mark_rows, rows_with
+from pdhpc.gfem.swept import MIXED, MOVING, WHOLE, Blended, Collar, mark_rows, rows_with, set_alpha, take_lanes
 from pdhpc.gfem.points import interpolate
 from pdhpc.kernels import blend, sweeps
 from pdhpc.kernels.simd import LANES
@@ -93,21 +93,13 @@ class LocalParticles:
         self.__dict__.pop("points", None)
 
     def slots_of(self, cells):
-        """Return (slots, cells, numbers in them) of the particles of local cells that this rank holds, (n,) each."""
-        slots = self.lattice.slots_of(np.asarray(cells, np.int32))
-        there = slots >= 0
-        cell = np.repeat(np.asarray(cells, np.int32), there.sum(axis=1))
-        return slots[there], cell, np.broadcast_to(np.arange(slots.shape[1], dtype=np.int32), slots.shape)[there]
+        """Return (slots, cells, numbers in them) of the particles of local cells that this rank holds, (n,) each. Local."""
+        return self.lattice.listed(cells)
 
     def _set_alpha(self, cells, weight):
         """Interpolate alpha in cells; values within round-off of 0 and 1 become these."""
-        mesh = self.lattice.mesh
-        values = weight[mesh.cells[cells]] @ self.lattice.shape.T
-        values[np.abs(values - 1.0) < 1e-9] = 1.0
-        values[np.abs(values) < 1e-12] = 0.0
-        slots = self.lattice.slots_of(np.asarray(cells, np.int32))
-        there = slots >= 0
-        self.alpha[slots[there]] = values[there]
+        slots, cell, number = self.slots_of(cells)
+        set_alpha(slots, cell, number, self.lattice.mesh.cells, self.lattice.shape, weight, self.alpha)
 
     def _look_around(self, cells):
         """Find anew what alpha is around the particles of owned cells, and which rows of eight are swept, and how."""
@@ -119,12 +111,9 @@ class LocalParticles:
         mark_rows(slots, self._status, self._inverse_density, self._swept)
         self.rows = rows_with(self._swept, WHOLE, MIXED)
         self.moving = rows_with(self._swept, MOVING, 0)
-        mixed = rows_with(self._swept, MIXED, 0)
-        lane = (mixed[:, None] + np.arange(LANES)).ravel()
-        mine = self._status[lane] > 0
-        density = self.density[np.where(mine, self._block[lane], 0)]
-        lattice, cell = self.lattice, np.where(mine, self._cell[lane] - 1, -1)
-        self.blended = Blended(mixed, cell, self._number[lane], lattice.shape, self.alpha[lane], self.inside[lane] & mine, density, lattice.mesh.dim)
+        self.blended = Blended(rows_with(self._swept, MIXED, 0), self.lattice.shape, self.lattice.mesh.dim)
+        by_slot = self._status, self._cell, self._number, self.alpha, self.inside, self._block
+        take_lanes(self.blended.rows, *by_slot, self.density, *self.blended.lanes)
 
     def _hold(self, cells):
         """Let the collar be the particles of `cells`, around the enriched ones, that are ghosts or within reach of alpha > 0."""

@@ -21,21 +21,20 @@ class Blended:
     """
 
     rows: np.ndarray
-    cell: np.ndarray
-    number: np.ndarray
     table: np.ndarray
-    alpha: np.ndarray
-    inside: np.ndarray
-    density: np.ndarray
     dim: int
-    impulse: np.ndarray = field(init=False)
-    moment: np.ndarray = field(init=False)
-    before: np.ndarray = field(init=False)
-    velocity_before: np.ndarray = field(init=False)
 
     def __post_init__(self):
+        n = LANES * len(self.rows)
+        self.cell, self.number, self.alpha = np.empty(n, np.int32), np.empty(n, np.uint16), np.empty(n)
+        self.inside, self.density = np.empty(n, bool), np.empty(n)
         shape = len(self.rows), self.dim, LANES
-        self.impulse, self.moment, self.before, self.velocity_before = (np.zeros(shape) for _ in range(4))
+        self.impulse, self.moment, self.before, self.velocity_before = (np.empty(shape) for _ in range(4))
+
+    @property
+    def lanes(self):
+        """(cell, number, alpha, inside, density)."""
+        return self.cell, self.number, self.alpha, self.inside, self.density
 
     @cached_property
     def shape(self):
@@ -57,6 +56,31 @@ class Collar:
 
     def __post_init__(self):
         self.displacement, self.velocity, self.acceleration = (np.zeros((len(self.slots), self.dim)) for _ in range(3))
+
+
+@kernel
+def set_alpha(slots, cell, number, cells, shape, weight, alpha):
+    """alpha[slots] = sum_a N_a weight at the corners of particles' cells; 0 or 1 where it is within round-off of these."""
+    for n in range(len(slots)):
+        corner, total = cells[cell[n]], 0.0
+        for a in range(len(corner)):
+            total += shape[number[n], a] * weight[corner[a]]
+        if abs(total - 1.0) < 1e-9:
+            total = 1.0
+        alpha[slots[n]] = total if abs(total) > 1e-12 else 0.0
+
+
+@kernel
+def take_lanes(rows, status, cell, number, alpha, inside, block, density, lane_cell, lane_number, lane_alpha, lane_inside, lane_density):
+    """Store in the arrays of Blended what fields by slot say of its lanes; cell holds a cell's number plus one. A particle with status 0 is not this rank's, or far."""
+    for t in range(len(rows)):
+        for lane in range(LANES):
+            n, i = LANES * t + lane, rows[t] + lane
+            mine = status[i] > 0
+            lane_cell[n] = cell[i] - 1 if mine else -1
+            lane_number[n], lane_alpha[n] = number[i], alpha[i]
+            lane_inside[n] = mine and inside[i]
+            lane_density[n] = density[block[i]] if mine else 0.0
 
 
 @kernel
