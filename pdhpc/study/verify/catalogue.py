@@ -4,7 +4,7 @@ import time
 
 from pdhpc.parallel.comm import world
 from pdhpc.scene.schema import SceneError
-from pdhpc.study.verify import branching, dynamics, elasticity, fem, fem_dynamics, fem_flat_top, fracture, mls, mts, mts_plate, state_based  # noqa: F401  (they register their cases)
+from pdhpc.study.verify import branching, dynamics, elasticity, fem, fem_dynamics, fem_flat_top, fem_scenes, fracture, mls, mts, mts_plate, state_based  # noqa: F401  (they register their cases)
 from pdhpc.study.verify.case import CASES
 
 
