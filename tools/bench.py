@@ -12,6 +12,8 @@ import tempfile
 import time
 from pathlib import Path
 
+from bench_gfem import gfem_rank
+
 ROUNDS = 5
 SIDE = 46  # particles per side of the cube of the kernels' benchmark: 97,336, with 122 neighbours
 LAMMPS_STEPS = 10
@@ -473,8 +475,18 @@ def startup():
         print(f"startup: pdhpc {' '.join(words[:1])}: median {statistics.median(seconds[1:]):.2f} s")
 
 
-PARTS = {"kernel": kernel, "run": run, "scaling": scaling, "prediction": prediction, "setup": setup, "startup": startup, "coupling": coupling, "energy": energy, "fem": fem}
-WORKERS = {"rates": rates, "run-rank": run_rank, "steps": steps, "row": row, "setup-rank": setup_rank, "coupling-rank": coupling_rank, "fem-steps": fem_steps, "fem-static": fem_static}
+def gfem():
+    """A pre-cracked plate 2 x 0.8, H/h = 10: elements with particles where it cracks against particles everywhere, in time, while a tenth of it is active."""
+    results = [_worker(["gfem-rank", "4.2", "0.002"], ranks=1) for _ in range(3)]
+    last = results[-1]
+    print(f"gfem: {_spread([each['gain'] for each in results])} times particles everywhere, {last['share']:.1%} of the particles active on average,"
+          f" {_spread([100 * each['around'] for each in results])} % of a step not the particles' own")
+    print(f"gfem: error {last['error']:.3f}; half the step moves particles everywhere by {last['half_step']:.3f}, 0.1 % more load by {last['more_load']:.3f};"
+          f" broken bonds {last['broken']}")
+
+
+PARTS = {"kernel": kernel, "run": run, "scaling": scaling, "prediction": prediction, "setup": setup, "startup": startup, "coupling": coupling, "energy": energy, "fem": fem, "gfem": gfem}
+WORKERS = {"rates": rates, "run-rank": run_rank, "steps": steps, "row": row, "setup-rank": setup_rank, "coupling-rank": coupling_rank, "fem-steps": fem_steps, "fem-static": fem_static, "gfem-rank": gfem_rank}
 
 if __name__ == "__main__":
     if sys.argv[1:2] and sys.argv[1] in WORKERS:

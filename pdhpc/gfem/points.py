@@ -7,6 +7,9 @@ from pdhpc.jit import kernel
 from pdhpc.kernels.family import MIXED
 
 
+_PIECE = 1 << 14
+
+
 class Points(NamedTuple):
     """The particles of some cells, cell by cell.
 
@@ -53,6 +56,24 @@ class CellLattice:
         slots = np.empty((len(cells), len(self.template)), np.int64)
         _slots_of(first, self.template, self.step, self.cells, self._subdomain.particles.block, slots)
         return slots
+
+    def pieces(self):
+        """Yield the owned cells, (n,) int32, in pieces of bounded size: what is made of their particles at once costs little memory."""
+        for first in range(0, self.mesh.n_owned_cells, _PIECE):
+            yield np.arange(first, min(first + _PIECE, self.mesh.n_owned_cells), dtype=np.int32)
+
+    def cell_of(self, slots):
+        """Return (cell, number in it), (n,) each, of owned particles in `slots` (n,). Local."""
+        if len(slots) == 0:
+            return np.zeros(0, np.int32), np.zeros(0, np.int64)
+        places, low = self._subdomain.places_at(slots), self.mesh.points[self.mesh.cells[:1, 0]]
+        index = np.rint((places - low) / self.spacing - 0.5).astype(np.int64)  # of the lattice, from the corner of the first cell
+        cell = index // self.ratio + np.stack(np.unravel_index(self.mesh.cell_id[:1], self.mesh.counts), axis=1)
+        wanted = np.ravel_multi_index(tuple(cell.T), self.mesh.counts)
+        owned = self.mesh.cell_id[: self.mesh.n_owned_cells]
+        within = index % self.ratio
+        number = within @ self.ratio ** np.arange(self.mesh.dim - 1, -1, -1)
+        return np.searchsorted(owned, wanted).astype(np.int32), number
 
     def listed(self, cells):
         """Return (slots int64, cell int32, number in it uint16), (n,) each, of the particles of local cells that this rank holds, cell by cell. Local."""

@@ -148,11 +148,9 @@ class CoupledParts:
 
     def _cracked(self):
         """Return (n_owned_cells,) bool, cells with a particle that has lost a bond to a pre-crack."""
-        particles, bonds = self.part.subdomain.particles, self.part.subdomain.bonds
-        cut = np.zeros(len(particles.position), bool)
-        cut[bonds.slots[bonds.initial_size < bonds.family_size]] = True
-        slots = self.lattice.slots_of(np.arange(self.mesh.n_owned_cells, dtype=np.int32))
-        return ((slots >= 0) & cut[slots]).any(axis=1)
+        bonds, cracked = self.part.subdomain.bonds, np.zeros(self.mesh.n_owned_cells, bool)
+        cracked[self.lattice.cell_of(bonds.slots[bonds.initial_size < bonds.family_size])[0]] = True
+        return cracked
 
     def _weight(self, centres):
         """Return (n,) int, about the work of cells: those near a pre-crack have particles."""
