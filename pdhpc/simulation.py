@@ -19,7 +19,7 @@ from pdhpc.output.fields import FieldWriter
 from pdhpc.output.history import History
 from pdhpc.output.record import OutputError, claim_directory, write_json
 from pdhpc.parallel.comm import on_root, world
-from pdhpc.parallel.linear_solver import SolverError
+from pdhpc.parallel.linear_solver import SolverError, start_petsc
 from pdhpc.run import RunError, drive
 from pdhpc.scene.body import make_body
 from pdhpc.scene.build import build
@@ -104,6 +104,7 @@ class Simulation:
         if directory is not None:
             header = {"scene": scene.resolved(), "version": __version__, "ranks": self.comm.size}
             observers.append(FieldOutput(FieldWriter(self.comm, directory, header), scene.output.fields, frames))
+            observers += problem.outputs(self.comm, directory)
             gauges = [self.energies, *coupling, *self.probes, *self.tips]
             observers.append(HistoryOutput(History(Path(directory) / "history.csv", columns(gauges), self.comm), gauges, rows))
         else:
@@ -195,6 +196,8 @@ def _compile_first_on_each_node(comm, scene):
     """Let one rank of each node compile the kernels into the cache before the others load them. Collective."""
     from mpi4py import MPI
 
+    if scene.uses_mesh:
+        start_petsc()
     node = comm.Split_type(MPI.COMM_TYPE_SHARED)
     if node.rank == 0:
         _compile(scene)

@@ -1,4 +1,5 @@
-"""Benchmarks of pdhpc, as ratios of interleaved runs: kernels against LAMMPS, runs against their kernels, ranks, set-up and memory, start-up, coupled regions. See tools/bench."""
+"""Benchmarks of pdhpc, as ratios of interleaved runs: kernels against LAMMPS, runs against their kernels, ranks, set-up and memory, start-up, coupled regions, finite
+elements. See tools/bench."""
 import json
 import os
 import re
@@ -10,6 +11,8 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+
+from bench_gfem import gfem_rank
 
 ROUNDS = 5
 SIDE = 46  # particles per side of the cube of the kernels' benchmark: 97,336, with 122 neighbours
@@ -379,6 +382,87 @@ def energy():
         print(f"energy: m = {m}: E* changed by {exact_sum(world(), stepper.conserved_quantity()) / first - 1:.1e} over 1e5 macro steps", flush=True)
 
 
+def fem():
+    """Nanoseconds per hexahedron and core of an explicit step on 1 and 2 ranks, by stencils and cell by cell; seconds to assemble and solve 1e5 quads."""
+    found = {}
+    for _ in range(3):
+        for name, side in (("stencil", 100), ("cells", 40)):
+            for ranks in (1, 2):
+                found.setdefault((name, ranks), []).append(_worker(["fem-steps", name, str(side)], ranks=ranks))
+        for ranks in (1, 2):
+            found.setdefault(("static", ranks), []).append(_worker(["fem-static"], ranks=ranks))
+    for (name, ranks), results in found.items():
+        if name == "static":
+            parts = ", ".join(f"{part} {statistics.median(each[part] for each in results):.2f} s" for part in ("mesh", "assemble", "solve"))
+            total = _spread([each["mesh"] + each["assemble"] + each["solve"] for each in results])
+            print(f"fem: {results[0]['cells']} quads, static, {ranks} rank(s): {total} s ({parts}, {results[0]['iterations']} iterations)")
+        else:
+            print(f"fem: {results[0]['cells']} hexahedra, {name}, {ranks} rank(s): {_spread([each['ns'] for each in results])} ns per cell and core and explicit step")
+
+
+def fem_steps(name, side):
+    """One rank of `fem`: an explicit step of a cube of hexahedra, fastest of five pieces of five steps; "cells" forgets that they are equal."""
+    from mpi4py import MPI
+
+    from pdhpc.fem.conditions import NodalConditions
+    from pdhpc.fem.explicit import Explicit
+    from pdhpc.fem.internal_forces import CellSweep, make_sweep
+    from pdhpc.fem.nodes import Nodes
+    from pdhpc.parallel.noise import noise
+    from pdhpc.study.verify.fem_problems import box_mesh, solid
+
+    comm, counts = MPI.COMM_WORLD, (int(side),) * 3
+    mesh = box_mesh(comm, counts, (1.0, 1.0, 1.0))
+    if name == "cells":
+        mesh.cell_size = None
+    body, nodes = solid(mesh), Nodes(mesh)
+    nodes.set_mass(body.lumped_mass(nodes.stars))
+    nodes.put(nodes.velocity, noise(mesh.vertex_id[: mesh.n_owned], 3))
+    sweep = (CellSweep if name == "cells" else make_sweep)(nodes, body.stiffness())
+    stepper, seconds = Explicit(nodes, sweep, NodalConditions(nodes), 0.1 / int(side)), []
+    for _ in range(6):
+        comm.Barrier()
+        started = time.perf_counter()
+        for _ in range(5):
+            stepper.advance()
+        comm.Barrier()
+        seconds.append((time.perf_counter() - started) / 5)
+    if comm.rank == 0:
+        print(json.dumps({"cells": mesh.n_global_cells, "ns": min(seconds[1:]) * comm.size / mesh.n_global_cells * 1e9}))
+
+
+def fem_static():
+    """One rank of `fem`: a cantilever of 640 x 160 quads, after a small one that loads the kernels."""
+    from mpi4py import MPI
+
+    from pdhpc.conditions.time_functions import Constant
+    from pdhpc.fem.conditions import NodalConditions
+    from pdhpc.fem.loads import nodal_load, traction_loads
+    from pdhpc.fem.nodes import Nodes
+    from pdhpc.fem.static import Static
+    from pdhpc.fem.supports import Given, prescribe_on_facets
+    from pdhpc.study.verify.fem_dynamics import left, right
+    from pdhpc.study.verify.fem_problems import box_mesh, solid
+
+    comm = MPI.COMM_WORLD
+    for counts in ((8, 2), (640, 160)):
+        comm.Barrier()
+        times = [time.perf_counter()]
+        mesh = box_mesh(comm, counts, (4.0, 1.0))
+        body, nodes = solid(mesh), Nodes(mesh, False)
+        times.append(time.perf_counter())
+        load = nodal_load(nodes, traction_loads(body, *right(mesh), [0.0, 1e-3]), Constant())
+        held = prescribe_on_facets(body, nodes, left(mesh), (0, 1), Given([0.0, 0.0], Constant()))
+        problem = Static(body, nodes, NodalConditions(nodes, [load], held))
+        times.append(time.perf_counter())
+        problem.advance()
+        comm.Barrier()
+        times.append(time.perf_counter())
+    if comm.rank == 0:
+        parts = {part: b - a for part, a, b in zip(("mesh", "assemble", "solve"), times[:-1], times[1:])}
+        print(json.dumps({"cells": mesh.n_global_cells, "iterations": problem.iterations, **parts}))
+
+
 def startup():
     """Seconds of `pdhpc --help` and of a warm `pdhpc check`."""
     program = ROOT / ".venv" / "bin" / "pdhpc"
@@ -391,8 +475,18 @@ def startup():
         print(f"startup: pdhpc {' '.join(words[:1])}: median {statistics.median(seconds[1:]):.2f} s")
 
 
-PARTS = {"kernel": kernel, "run": run, "scaling": scaling, "prediction": prediction, "setup": setup, "startup": startup, "coupling": coupling, "energy": energy}
-WORKERS = {"rates": rates, "run-rank": run_rank, "steps": steps, "row": row, "setup-rank": setup_rank, "coupling-rank": coupling_rank}
+def gfem():
+    """A pre-cracked plate 2 x 0.8, H/h = 10: elements with particles where it cracks against particles everywhere, in time, while a tenth of it is active."""
+    results = [_worker(["gfem-rank", "4.2", "0.002"], ranks=1) for _ in range(3)]
+    last = results[-1]
+    print(f"gfem: {_spread([each['gain'] for each in results])} times particles everywhere, {last['share']:.1%} of the particles active on average,"
+          f" {_spread([100 * each['around'] for each in results])} % of a step not the particles' own")
+    print(f"gfem: error {last['error']:.3f}; half the step moves particles everywhere by {last['half_step']:.3f}, 0.1 % more load by {last['more_load']:.3f};"
+          f" broken bonds {last['broken']}")
+
+
+PARTS = {"kernel": kernel, "run": run, "scaling": scaling, "prediction": prediction, "setup": setup, "startup": startup, "coupling": coupling, "energy": energy, "fem": fem, "gfem": gfem}
+WORKERS = {"rates": rates, "run-rank": run_rank, "steps": steps, "row": row, "setup-rank": setup_rank, "coupling-rank": coupling_rank, "fem-steps": fem_steps, "fem-static": fem_static, "gfem-rank": gfem_rank}
 
 if __name__ == "__main__":
     if sys.argv[1:2] and sys.argv[1] in WORKERS:

@@ -103,7 +103,7 @@ class Elasticity:
         full = np.zeros((len(scalar), n, self.mesh.dim, n, self.mesh.dim))
         for axis in range(self.mesh.dim):
             full[:, :, axis, :, axis] = scalar
-        return CellMatrices.of(full.reshape(len(scalar), n * self.mesh.dim, -1), index)
+        return CellMatrices.of(full.reshape(len(scalar), n * self.mesh.dim, n * self.mesh.dim), index)
 
     def lumped_rows(self):
         """Return (rows (n, n_basis), kg, index (n_cells,)): the row sums of the cells' mass matrices. Local."""

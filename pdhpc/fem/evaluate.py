@@ -17,7 +17,7 @@ def fields_in_cells(body, unknowns, xi, cells=slice(None)):
     """
     mesh, basis = body.mesh, body.basis
     chosen = mesh.cells[cells]
-    local = unknowns[chosen].reshape(len(chosen), -1, mesh.dim)  # (cell, function, component)
+    local = unknowns[chosen].reshape(len(chosen), basis.element.corners * basis.functions, mesh.dim)  # (cell, function, component)
     jacobian = np.einsum("fcx,qcd->fqxd", mesh.points[chosen], basis.element.gradient(xi))
     u = np.einsum("qk,fka->fqa", basis.shape(xi), local)
     by_reference = np.einsum("qkd,fka->fqad", basis.gradient(xi), local)
@@ -54,7 +54,7 @@ def nodal_stresses(body, stars, unknowns):
         moments[piece, :, :width] = np.einsum("fq,qk,fqv->fkv", measures, shape, stresses_in_cells(body, unknowns, xi, piece))
         moments[piece, :, width] = measures @ shape
     sums = np.zeros((mesh.n_owned, width + 1))
-    loops.gather(*stars, moments.reshape(len(mesh.cells), -1), np.arange(mesh.n_owned, dtype=np.int32), 1.0, sums)
+    loops.gather(*stars, moments.reshape(len(mesh.cells), element.corners * (width + 1)), np.arange(mesh.n_owned, dtype=np.int32), 1.0, sums)
     return sums[:, :width] / sums[:, width:]
 
 

@@ -32,8 +32,7 @@ class Explicit:
         self._inverse_mass[nodes.owned_slots] = 1.0 / nodes.mass[nodes.owned_slots]
         self._flat = [each.T for each in (nodes.velocity, nodes.force, nodes.displacement)]
         self._internal_force = nodes.new_field()
-        self.internal.evaluate()
-        self.conditions.add_loads(0.0)
+        self.resume()
         conditions.settle(0.0)
         conditions.begin()
 
@@ -51,6 +50,11 @@ class Explicit:
     def bytes_sent(self):
         """Bytes that this rank sends per step to refresh ghosts."""
         return self.internal.bytes_sent
+
+    def resume(self):
+        """Bring the forces up to date with displacements and time, after a state was put in. Collective over neighbouring ranks."""
+        self.internal.evaluate()
+        self.conditions.add_loads(self.time)
 
     def advance(self):
         """Do one step. Collective over neighbouring ranks."""

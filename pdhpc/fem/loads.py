@@ -94,7 +94,7 @@ def body_loads(body, stars, density):
         b = np.broadcast_to(np.asarray(density, float).reshape(-1, 1, mesh.dim), (len(mesh.cells), len(xi), mesh.dim))
     loads = np.einsum("fq,qk,fqa->fka", measures, basis.shape(xi), b)
     result = np.zeros((mesh.n_owned, body.width))
-    loops.gather(*stars, loads.reshape(len(mesh.cells), -1), np.arange(mesh.n_owned, dtype=np.int32), 1.0, result)
+    loops.gather(*stars, loads.reshape(len(mesh.cells), element.corners * body.width), np.arange(mesh.n_owned, dtype=np.int32), 1.0, result)
     return result
 
 

@@ -24,7 +24,7 @@ class Mesh:
     vertex_owner : (n_ghost_vertices,) int64, ranks. n_global_cells, n_global_vertices : of the whole mesh; ids may have gaps.
     exchange, cell_exchange : GhostExchange of vertices and of cells.
     regions : {name: (n_cells,) bool}. sets : {name: (n_facets, facet corners) int32}, facets of owned cells on the surface, outward as in FACETS.
-    cell_size : (dim,), m, of the one shape that all cells of a box have, else None.
+    cell_size : (dim,), m, of the one shape that all cells of a box have, else None. counts : (dim,) cells along each axis of the box, or None.
     """
 
     def __init__(self, comm, share, regions=None, sets=None, box=None):
@@ -38,7 +38,7 @@ class Mesh:
         self.n_owned_cells = len(self.cells) - len(self.cell_owner)
         self.n_owned = len(self.points) - len(self.vertex_owner)
         self.regions, self.sets = regions or {}, sets or {}
-        self.cell_size, self._counts = (None, None) if box is None else (box.cell_size, tuple(box.counts))
+        self.cell_size, self.counts = (None, None) if box is None else (box.cell_size, tuple(box.counts))
         self.exchange = GhostExchange(comm, self.vertex_id[: self.n_owned], self.vertex_id[self.n_owned :], self.vertex_owner)
         self.cell_exchange = GhostExchange(comm, self.cell_id[: self.n_owned_cells], self.cell_id[self.n_owned_cells :], self.cell_owner)
         self.dm = build_plex(comm, share, self.cell_exchange, self.exchange)
@@ -48,7 +48,7 @@ class Mesh:
     @property
     def index(self):
         """(n_cells, dim) int64, the places of a box's cells along its axes; None on other meshes. Local."""
-        return None if self._counts is None else np.stack(np.unravel_index(self.cell_id, self._counts), axis=1)
+        return None if self.counts is None else np.stack(np.unravel_index(self.cell_id, self.counts), axis=1)
 
     def boundary(self):
         """Return (facets, cell): (n, facet corners) int32 local vertices, outward as in FACETS, of all facets of owned cells on the body's surface. Local.

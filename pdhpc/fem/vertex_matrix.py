@@ -60,7 +60,10 @@ class ConstrainedSolver:
         self.x[: mesh.n_owned] = fixed
         self._ghosts.refresh()
         self._diagonal = matrix.diagonal()
-        near_null = rigid_motions(basis, mesh)[: mesh.n_owned].reshape(mesh.n_owned * matrix.width, -1) if defaults.preconditioner == "gamg" else None
+        near_null = None
+        if defaults.preconditioner == "gamg":
+            motions = rigid_motions(basis, mesh)[: mesh.n_owned]
+            near_null = motions.reshape(mesh.n_owned * matrix.width, motions.shape[2])
         self.solver = MatrixSolver(mesh.comm, prefix, defaults, matrix.rows(self.x > 0.0), matrix.width, near_null)
 
     def solve(self, right, given):
@@ -76,7 +79,7 @@ class ConstrainedSolver:
         self.x[:n] = np.where(self.fixed, given, 0.0)
         self._ghosts.refresh()
         lifted = np.where(self.fixed, self._diagonal * self.x[:n], right - self.matrix.multiply(self.x))
-        self.x[:n] = self.solver.solve(lifted.ravel()).reshape(n, -1)
+        self.x[:n] = self.solver.solve(lifted.ravel()).reshape(n, self.matrix.width)
         self._ghosts.refresh()
         return self.x
 

@@ -95,11 +95,12 @@ class CoupledStep:
     def _strain_limits(self):
         """Return (n_owned_cells,), the smallest critical stretch of the particles of each cell that may fail; infinite where none may."""
         lattice, law = self.local.lattice, self.local.law
-        cells = np.arange(lattice.mesh.n_owned_cells, dtype=np.int32)
-        slots = lattice.slots_of(cells)
-        limits = np.append(np.diag(law.break_at), np.inf)
-        blocks = np.where(slots >= 0, self.local.original_block(slots), len(limits) - 1)
-        return limits[blocks].min(axis=1, initial=np.inf)
+        by_block = np.append(np.diag(law.break_at), np.inf)
+        limits = np.empty(lattice.mesh.n_owned_cells)
+        for cells in lattice.pieces():
+            slots = lattice.slots_of(cells)
+            limits[cells] = by_block[np.where(slots >= 0, self.local.original_block(slots), len(by_block) - 1)].min(axis=1)
+        return limits
 
     def _wanting(self):
         """Return (n_owned_cells,) bool: cells on the ramp whose particles say so, and cells without particles whose strain does."""
@@ -155,7 +156,7 @@ class CoupledStep:
         return {
             "kinetic_energy": np.concatenate([self.solution.kinetic_energies(), kinetic]),
             "strain_energy": np.concatenate([self.solution.strain_energies(), strain * local.volume]),
-            "dissipated_energy": particles.owned(particles.dissipated),
+            "dissipated_energy": particles.dissipated[slots],
             "external_work": np.concatenate([self.solution.external_work(), local.external_work()]),
         }
 

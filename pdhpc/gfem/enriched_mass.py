@@ -13,6 +13,7 @@ class EnrichedMass:
     Attributes
     ----------
     standard, enriched : (n,) int32 each, local vertices whose functions are this rank's unknowns. n_local : number of unknowns, dim for each of these.
+    first : their first global number.
     indptr, columns : int64, of the rows, columns in global numbers. values : (nnz,), kg for standard, without unit for enriched rows, filled by fill.
     """
 
@@ -28,7 +29,7 @@ class EnrichedMass:
         self.rows_in_stars = chosen
         self.n_local = dim * (len(stars.vertex) + len(chosen))
         numbers = np.full((len(mesh.points), 2), -1, np.int64)
-        begin = first_row(self.n_local)
+        self.first = begin = first_row(self.n_local)
         numbers[stars.vertex, 0] = begin + dim * np.arange(len(stars.vertex))
         numbers[self.enriched, 1] = begin + dim * (len(stars.vertex) + np.arange(len(chosen)))
         bound = mesh.exchange.bind(numbers)

@@ -25,14 +25,14 @@ def ghost_force(local, solution, strain=(1.0, 1.0, 0.0)):
     whole = np.array([2 ** min(WORD, count - WORD * word) - 1 for word in range(len(arrays.alive))], np.uint64)
     bonds = arrays._replace(trigger=np.full_like(arrays.trigger, np.inf), alive=np.repeat(whole[:, None], arrays.alive.shape[1], axis=1))
     points = domain.points._replace(position=position)
-    blend.blended_forces(bonds, points, law, particles.third, blended.rows, local.alpha, force, particles.dissipated, np.array([1.0, 0.0]), impulse, np.zeros_like(impulse))
+    blend.blended_forces(bonds, points, law, particles.third, blended.rows, local.alpha, local.alpha, force, particles.dissipated, np.array([1.0, 0.0]), impulse, np.zeros_like(impulse))
     kept = solution.displacement.copy()
     solution.displacement[:] = mesh.points @ gradient.T
     solution.evaluate_elements()
     solution.right[:] = solution.force
     solution.displacement[:] = kept
     outside = np.zeros(LANES * len(blended.rows), bool)
-    lanes.project_velocity(blended.rows, blended.cell, blended.shape, blended.alpha, outside, blended.velocity_before, impulse, position, blended.density, local.volume,
+    lanes.project_velocity(blended.rows, blended.cell, blended.number, blended.table, blended.alpha, outside, blended.velocity_before, impulse, position, blended.density, local.volume,
                            mesh.cells, solution.right)
     solution.gather_right()
     inner = _inner(mesh)[: mesh.n_owned]

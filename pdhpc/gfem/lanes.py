@@ -83,7 +83,7 @@ def add_nodal(slots, chosen, shape, cells, nodal, field):
 
 
 @kernel
-def project_displacement(rows, lane_cell, shape, alpha, inside, before, velocity_before, moment, position, density, dt, volume, cells, result):
+def project_displacement(rows, lane_cell, number, shape, alpha, inside, before, velocity_before, moment, position, density, dt, volume, cells, result):
     """result += sum_p V_p N_i (dt rho v^n + I2 - rho alpha (U - u^n)) inside enriched cells, sum_p V_p N_i I2 outside; density (n_slots,) or by lane, kg/m^3."""
     for t in range(len(rows)):
         for lane in range(8):
@@ -96,11 +96,11 @@ def project_displacement(rows, lane_cell, shape, alpha, inside, before, velocity
                 if inside[n]:
                     value += density[n] * (dt * velocity_before[t, d, lane] - alpha[n] * (position[i, d] - before[t, d, lane]))
                 for a in range(len(corner)):
-                    result[corner[a], d] += volume * shape[n, a] * value
+                    result[corner[a], d] += volume * shape[number[n], a] * value
 
 
 @kernel
-def project_velocity(rows, lane_cell, shape, alpha, inside, velocity_before, impulse, velocity, density, volume, cells, result):
+def project_velocity(rows, lane_cell, number, shape, alpha, inside, velocity_before, impulse, velocity, density, volume, cells, result):
     """result += sum_p V_p N_i (rho v^n + I1 - rho alpha V) inside enriched cells, sum_p V_p N_i I1 outside."""
     for t in range(len(rows)):
         for lane in range(8):
@@ -113,7 +113,7 @@ def project_velocity(rows, lane_cell, shape, alpha, inside, velocity_before, imp
                 if inside[n]:
                     value += density[n] * (velocity_before[t, d, lane] - alpha[n] * velocity[i, d])
                 for a in range(len(corner)):
-                    result[corner[a], d] += volume * shape[n, a] * value
+                    result[corner[a], d] += volume * shape[number[n], a] * value
 
 
 @kernel

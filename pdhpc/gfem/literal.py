@@ -27,13 +27,13 @@ class Literal(Instant):
         self._fit = MovingLeastSquares(subdomain, lattice.spacing, reach, Basis(lattice.mesh.dim))
         self._nodes_before = self.solution.displacement - self.dt * self.solution.velocity
         self._tested = np.zeros_like(self._nodes_before)
+        self._eta = None
         self._known = np.empty(0, np.int64), np.empty((0, 2)), np.empty((0, 2, 2))  # slots; u^{n-1} and grad u^n there
 
     def follow(self, patches):
         """Take in new patches: elements act everywhere outside enriched cells, stress at the points in them. Collective."""
         solution, local, mesh = self.solution, self.local, self.solution.mesh
-        ones = np.ones(len(local.lattice.template))
-        solution.follow(patches, self.weight(patches), lambda cells: np.where(patches.enriched[cells], 0.0, 1.0)[:, None] * ones)
+        solution.follow(patches, np.zeros(len(mesh.points)), patches.enriched[: mesh.n_owned_cells])
         super().follow(patches)
         points = local.points
         held = local.lattice.slots_of(points.cell) >= 0
@@ -47,6 +47,7 @@ class Literal(Instant):
         slots, before, gradient = self._known
         _, new, old = np.intersect1d(points.slots, slots, return_indices=True)
         self._before[new], self._gradient[new] = before[old], gradient[old]
+        self._eta = np.zeros_like(self._before)
 
     def reconstruct(self):
         """Return u_PD at the points, (n, dim); its gradient is kept. Local."""
@@ -117,6 +118,11 @@ class Literal(Instant):
         at_points = cells.start, self.local.points.shape, self._eta
         gradient_at_points(cells.corners, at_points, self._gradients, self.mass.mean, found.nodes, found.amplitude, result)
         return result
+
+    def enrich_displacements(self):
+        """As Galerkin.enrich_displacements: u_PD. Collective."""
+        self.mass.select(self._eta, self.tolerance)
+        return self._eta
 
     def _masses(self):
         return [*super()._masses(), np.zeros((1, 1, 1))]

@@ -2,6 +2,7 @@
 import numpy as np
 
 from pdhpc.conditions.loads import BodyForce
+from pdhpc.jit import kernel
 from pdhpc.kernels.simd import LANES
 
 
@@ -15,16 +16,11 @@ class ParticleLoad:
     def __init__(self, lattice, subdomain, slots, vector, time_function):
         """lattice : CellLattice. Local."""
         self.slots, self.vector, self.time_function = slots.astype(np.int32), np.ascontiguousarray(vector, float), time_function
-        by_slot = np.full(len(subdomain.particles.position), -1, np.int32)
-        by_slot[slots] = np.arange(len(slots), dtype=np.int32)
-        cells = np.arange(lattice.mesh.n_owned_cells, dtype=np.int32)
-        held = lattice.slots_of(cells)
-        number = np.where(held >= 0, by_slot[held], -1)
-        self.cells = np.flatnonzero((number >= 0).any(axis=1)).astype(np.int32)
-        number = number[self.cells]
-        density = np.where((number >= 0)[:, :, None], self.vector[number], 0.0) if len(slots) else np.zeros((0, number.shape[1], lattice.mesh.dim))
+        cell, number = lattice.cell_of(self.slots)
+        self.cells, at = np.unique(cell, return_inverse=True)
+        self.nodal = np.zeros((len(self.cells), lattice.shape.shape[1], lattice.mesh.dim))
         volume = float(subdomain.particles.volume[0]) if len(subdomain.particles.volume) else 0.0
-        self.nodal = volume * np.einsum("cpd,pa->cad", density, lattice.shape)
+        _sum_in_cells(at, number, lattice.shape, volume, self.vector, self.nodal)
 
     def within(self, inside):
         """Return the BodyForce on those of its particles that inside (n_slots,) bool marks. Local."""
@@ -38,9 +34,28 @@ class ParticleLoad:
     def outside(self, mesh, enriched):
         """Return (n_vertices, dim), N at f = 1, of this rank's owned cells that are not enriched: to be accumulated. Local."""
         result = np.zeros((len(mesh.points), mesh.dim))
-        chosen = ~enriched[self.cells]
-        np.add.at(result, mesh.cells[self.cells[chosen]], self.nodal[chosen])
+        _add_nodal_loads(mesh.cells, self.cells, self.nodal, enriched, result)
         return result
+
+
+@kernel
+def _sum_in_cells(at, number, shape, volume, vector, nodal):
+    """nodal[at] += V N b of each particle; at, number (n,), vector (n, dim), nodal (n_cells, corners, dim)."""
+    for n in range(len(at)):
+        for a in range(shape.shape[1]):
+            for d in range(vector.shape[1]):
+                nodal[at[n], a, d] += volume * shape[number[n], a] * vector[n, d]
+
+
+@kernel
+def _add_nodal_loads(cells, chosen, nodal, enriched, result):
+    """result[vertices] += nodal (n, corners, dim) of cells chosen (n,) that are not enriched."""
+    for n in range(len(chosen)):
+        if not enriched[chosen[n]]:
+            corner = cells[chosen[n]]
+            for a in range(len(corner)):
+                for d in range(result.shape[1]):
+                    result[corner[a], d] += nodal[n, a, d]
 
 
 class LoadOnLanes:

@@ -10,7 +10,7 @@ import numpy as np
 
 from pdhpc.gfem import lanes
 from pdhpc.gfem.loads import LoadOnLanes, sub_step_sums
-from pdhpc.gfem.swept import MIXED, MOVING, WHOLE, Blended, Collar, mark_rows, rows_with
+from pdhpc.gfem.swept import MIXED, MOVING, WHOLE, Blended, Collar, mark_rows, rows_with, set_alpha, take_lanes
 from pdhpc.gfem.points import interpolate
 from pdhpc.kernels import blend, sweeps
 from pdhpc.kernels.simd import LANES
@@ -81,9 +81,9 @@ class LocalParticles:
         self.inside[slots] = True
         particles.block[slots] = self._block[slots]
         values = np.empty((len(slots), mesh.dim))
-        interpolate(mesh.cells, cell, self.lattice.shape[number], displacement, values)
+        interpolate(mesh.cells, cell, number, self.lattice.shape, displacement, values)
         particles.position[slots] = values
-        interpolate(mesh.cells, cell, self.lattice.shape[number], velocity, values)
+        interpolate(mesh.cells, cell, number, self.lattice.shape, velocity, values)
         owned = cell < mesh.n_owned_cells
         particles.velocity[slots[owned]] = values[owned]
         self._inverse_density[slots[owned]] = 1.0 / self.density[particles.block[slots[owned]]]
@@ -93,21 +93,13 @@ class LocalParticles:
         self.__dict__.pop("points", None)
 
     def slots_of(self, cells):
-        """Return (slots, cells, numbers in them) of the particles of local cells that this rank holds, (n,) each."""
-        slots = self.lattice.slots_of(np.asarray(cells, np.int32))
-        there = slots >= 0
-        cell = np.repeat(np.asarray(cells, np.int32), there.sum(axis=1))
-        return slots[there], cell, np.broadcast_to(np.arange(slots.shape[1], dtype=np.int32), slots.shape)[there]
+        """Return (slots, cells, numbers in them) of the particles of local cells that this rank holds, (n,) each. Local."""
+        return self.lattice.listed(cells)
 
     def _set_alpha(self, cells, weight):
         """Interpolate alpha in cells; values within round-off of 0 and 1 become these."""
-        mesh = self.lattice.mesh
-        values = weight[mesh.cells[cells]] @ self.lattice.shape.T
-        values[np.abs(values - 1.0) < 1e-9] = 1.0
-        values[np.abs(values) < 1e-12] = 0.0
-        slots = self.lattice.slots_of(np.asarray(cells, np.int32))
-        there = slots >= 0
-        self.alpha[slots[there]] = values[there]
+        slots, cell, number = self.slots_of(cells)
+        set_alpha(slots, cell, number, self.lattice.mesh.cells, self.lattice.shape, weight, self.alpha)
 
     def _look_around(self, cells):
         """Find anew what alpha is around the particles of owned cells, and which rows of eight are swept, and how."""
@@ -119,19 +111,15 @@ class LocalParticles:
         mark_rows(slots, self._status, self._inverse_density, self._swept)
         self.rows = rows_with(self._swept, WHOLE, MIXED)
         self.moving = rows_with(self._swept, MOVING, 0)
-        mixed = rows_with(self._swept, MIXED, 0)
-        lane = (mixed[:, None] + np.arange(LANES)).ravel()
-        mine = self._status[lane] > 0
-        density = self.density[np.where(mine, self._block[lane], 0)]
-        lattice = self.lattice
-        self.blended = Blended(mixed, np.where(mine, self._cell[lane] - 1, -1).astype(np.int32), lattice.shape[self._number[lane]], self.alpha[lane],
-                               self.inside[lane] & mine, density, lattice.mesh.dim)
+        self.blended = Blended(rows_with(self._swept, MIXED, 0), self.lattice.shape, self.lattice.mesh.dim)
+        by_slot = self._status, self._cell, self._number, self.alpha, self.inside, self._block
+        take_lanes(self.blended.rows, *by_slot, self.density, *self.blended.lanes)
 
     def _hold(self, cells):
         """Let the collar be the particles of `cells`, around the enriched ones, that are ghosts or within reach of alpha > 0."""
         slots, cell, number = self.slots_of(cells)
         prescribed = (cell >= self.lattice.mesh.n_owned_cells) | (self._status[slots] > 0)
-        self.collar = Collar(slots[prescribed], cell[prescribed], self.lattice.shape[number[prescribed]], self.lattice.mesh.dim)
+        self.collar = Collar(slots[prescribed], cell[prescribed], number[prescribed], self.lattice.mesh.dim)
 
     def outside(self, cells):
         """Return (n, ratio^dim), 1 - alpha at the particles of owned cells (n,), 0 where there is none. Local."""
@@ -151,7 +139,7 @@ class LocalParticles:
         """Take from nodal fields (n_vertices, dim), ghosts fresh, how the collar moves in the step to come. Local."""
         collar, cells = self.collar, self.lattice.mesh.cells
         for nodal, held in ((displacement, collar.displacement), (velocity, collar.velocity), (acceleration, collar.acceleration)):
-            interpolate(cells, collar.cell, collar.shape, nodal, held)
+            interpolate(cells, collar.cell, collar.number, self.lattice.shape, nodal, held)
 
     def run(self, k, tau, start):
         """Do k sub-steps of tau, s, from time `start` of velocity Verlet; blended impulses are summed on the way. Collective over neighbours.
@@ -199,7 +187,7 @@ class LocalParticles:
         """Evaluate forces and add their blended part, times the two weights, to the impulses and moments; return the directed bonds that broke. Local."""
         domain, particles, blended = self.subdomain, self.subdomain.particles, self.blended
         broken = sweeps.bond_forces(bonds, domain.points, law, None, True, self._third, self.rows, particles.force_density, particles.dissipated)
-        broken += blend.blended_forces(bonds, domain.points, law, self._third, blended.rows, self.alpha, particles.force_density, particles.dissipated, weights,
+        broken += blend.blended_forces(bonds, domain.points, law, self._third, blended.rows, self.alpha, self._inverse_density, particles.force_density, particles.dissipated, weights,
                                        blended.impulse, blended.moment)
         self.bond_evaluations += LANES * (len(self.rows) + len(blended.rows)) * len(bonds.offset)
         return broken
@@ -247,7 +235,7 @@ class LocalParticles:
         return np.concatenate([np.array([self.load_work]), *(load.work * self.volume for load in self.acting)])
 
     def watch(self, cells):
-        """Look from now on at the particles of these owned cells, (n_owned_cells,) bool, for bonds that stretch or break. Local."""
+        """Look from now on at the particles of these owned cells, (n_owned_cells,) bool, for bonds that stretch or break; none is broken yet. Local."""
         arrays = self.subdomain.bonds.arrays
         slots, _, _ = self.slots_of(np.flatnonzero(cells))
         rows = np.zeros(len(self._swept), bool)
@@ -258,14 +246,10 @@ class LocalParticles:
         self._watched_cell = np.where((cell >= 0) & (cell < len(cells)) & self.inside[lane], cell, -1)
         self._watched_cell[~cells[self._watched_cell]] = -1
         self._flags, self._known = np.zeros(len(lane)), arrays.alive[:, lane].copy()
-        broken = np.zeros(len(slots), bool)
-        blend.strained_or_broken(arrays, self.subdomain.points, self.law, self._third, slots, np.inf, broken)
-        self._broken = np.unique(self._cell[slots[broken]] - 1)
 
     def wanting(self, share):
         """Return (n_owned_cells,) bool: watched cells with a particle that is stretched beyond `share` of its limit, or has a broken bond. Local."""
         domain, wanted = self.subdomain, np.zeros(self.lattice.mesh.n_owned_cells, bool)
-        wanted[self._broken] = True
         if len(self._watched) == 0:
             return wanted
         blend.strained_rows(domain.bonds.arrays, domain.points, self._watched, share, self._known, self._flags)

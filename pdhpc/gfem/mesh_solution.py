@@ -48,15 +48,15 @@ class MeshSolution:
         """Add what other ranks have of `right` at this rank's vertices. Collective over neighbours."""
         self._right.accumulate()
 
-    def follow(self, patches, weight):
+    def follow(self, patches, weight, without=False):
         """Find which elements act, and how much; sum up lumped masses and loads outside. Collective over neighbours.
 
-        weight : (n_vertices,), 0 or 1, of which alpha is the interpolation.
+        weight : (n_vertices,), 0 or 1, of which alpha is the interpolation. without : (n_owned_cells,) bool, elements that do not act whatever alpha is.
         """
         mesh, material = self.mesh, self.material
         self.enriched = patches.enriched[: mesh.n_owned_cells].copy()
         self._kind, acting = material.ramped_kind(weight)
-        self._acting = np.flatnonzero(acting).astype(np.int32)
+        self._acting = np.flatnonzero(acting & ~np.asarray(without)).astype(np.int32)
         self.outside_mass = self._summed(np.flatnonzero(~self.enriched), material.lumped)
         self._outside_loads = [load.outside(mesh, self.enriched) for load in self.loads]
 

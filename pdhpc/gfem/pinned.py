@@ -73,7 +73,7 @@ class Pinned:
         solution, blended, mesh, dt = self.solution, self.local.blended, self.solution.mesh, self.dt
         right = solution.right
         np.multiply(solution.force, 0.5 * dt * dt, out=right)
-        lanes.project_displacement(blended.rows, blended.cell, blended.shape, blended.alpha, blended.inside, blended.before, blended.velocity_before, blended.moment,
+        lanes.project_displacement(blended.rows, blended.cell, blended.number, blended.table, blended.alpha, blended.inside, blended.before, blended.velocity_before, blended.moment,
                                    position, blended.density, dt, self.local.volume, mesh.cells, right)
         solution.gather_right()
         self._divide(dt)
@@ -92,7 +92,7 @@ class Pinned:
         right = solution.right
         np.add(old, solution.force, out=right)
         right *= 0.5 * dt
-        lanes.project_velocity(blended.rows, blended.cell, blended.shape, blended.alpha, blended.inside, blended.velocity_before, blended.impulse, velocity, blended.density,
+        lanes.project_velocity(blended.rows, blended.cell, blended.number, blended.table, blended.alpha, blended.inside, blended.velocity_before, blended.impulse, velocity, blended.density,
                                self.local.volume, mesh.cells, right)
         solution.gather_right()
         solution.account_motions(dt)

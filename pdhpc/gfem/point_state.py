@@ -28,7 +28,7 @@ class PointState:
         """Take in the points of new patches, with the state that their particles have. Local."""
         local, points = self._local, self._local.points
         dim = local.subdomain.particles.dim
-        self.displacement, self.velocity, self.increment, self.end_velocity, self.momentum = (np.empty((len(points.slots), dim)) for _ in range(5))
+        self.displacement, self.velocity, self.increment, self.end_velocity, self.momentum = (np.zeros((len(points.slots), dim)) for _ in range(5))
         blended = local.blended
         lane = np.flatnonzero(blended.inside)
         slots = blended.rows[lane // LANES] + lane % LANES

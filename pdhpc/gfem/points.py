@@ -7,6 +7,9 @@ from pdhpc.jit import kernel
 from pdhpc.kernels.family import MIXED
 
 
+_PIECE = 1 << 14
+
+
 class Points(NamedTuple):
     """The particles of some cells, cell by cell.
 
@@ -49,11 +52,42 @@ class CellLattice:
 
     def slots_of(self, cells):
         """Return (n_cells, ratio^dim) int64: the slots of the particles of local cells, -1 where there is none on this rank. Local."""
-        lower = self.mesh.points[self.mesh.cells[cells, 0]]
-        first = np.rint((lower + 0.5 * self.spacing - self.origin) / self.spacing).astype(np.int64)
+        first = self._first(cells)
         slots = np.empty((len(cells), len(self.template)), np.int64)
         _slots_of(first, self.template, self.step, self.cells, self._subdomain.particles.block, slots)
         return slots
+
+    def pieces(self):
+        """Yield the owned cells, (n,) int32, in pieces of bounded size: what is made of their particles at once costs little memory."""
+        for first in range(0, self.mesh.n_owned_cells, _PIECE):
+            yield np.arange(first, min(first + _PIECE, self.mesh.n_owned_cells), dtype=np.int32)
+
+    def cell_of(self, slots):
+        """Return (cell, number in it), (n,) each, of owned particles in `slots` (n,). Local."""
+        if len(slots) == 0:
+            return np.zeros(0, np.int32), np.zeros(0, np.int64)
+        places, low = self._subdomain.places_at(slots), self.mesh.points[self.mesh.cells[:1, 0]]
+        index = np.rint((places - low) / self.spacing - 0.5).astype(np.int64)  # of the lattice, from the corner of the first cell
+        cell = index // self.ratio + np.stack(np.unravel_index(self.mesh.cell_id[:1], self.mesh.counts), axis=1)
+        wanted = np.ravel_multi_index(tuple(cell.T), self.mesh.counts)
+        owned = self.mesh.cell_id[: self.mesh.n_owned_cells]
+        within = index % self.ratio
+        number = within @ self.ratio ** np.arange(self.mesh.dim - 1, -1, -1)
+        return np.searchsorted(owned, wanted).astype(np.int32), number
+
+    def listed(self, cells):
+        """Return (slots int64, cell int32, number in it uint16), (n,) each, of the particles of local cells that this rank holds, cell by cell. Local."""
+        cells = np.asarray(cells, np.int32)
+        first = self._first(cells)
+        most = len(cells) * len(self.template)
+        slots, cell, number = np.empty(most, np.int64), np.empty(most, np.int32), np.empty(most, np.uint16)
+        n = _list_slots(first, cells, self.template, self.step, self.cells, self._subdomain.particles.block, slots, cell, number)
+        return slots[:n], cell[:n], number[:n]
+
+    def _first(self, cells):
+        """Return (n, dim) int64, the lowest cell of the lattice, counted from the grid's first, in each of some cells."""
+        lower = self.mesh.points[self.mesh.cells[cells, 0]]
+        return np.rint((lower + 0.5 * self.spacing - self.origin) / self.spacing).astype(np.int64)
 
     def points_of(self, cells, density):
         """Return the Points of local cells, every particle that this rank holds; density (n_block,), kg/m^3. Local."""
@@ -79,12 +113,32 @@ def _slots_of(first, template, step, cells, block, slots):
 
 
 @kernel
-def interpolate(cells, points_cell, shape, values, result):
-    """Store sum_i N_i values[i] at points in result (n, width); points_cell (n,) local cells, shape (n, corners), values (n_vertices, width)."""
-    for p in range(len(points_cell)):
-        corner = cells[points_cell[p]]
+def _list_slots(first, chosen, template, step, cells, block, slots, cell, number):
+    """As _slots_of, of those that are there, one after the other; return their number."""
+    count = 0
+    for c in range(len(first)):
+        for p in range(len(template)):
+            slot, inside = np.int64(0), True
+            for d in range(template.shape[1]):
+                index = first[c, d] + template[p, d]
+                inside = inside and 0 <= index < cells[d]
+                slot += index * step[d]
+            if inside and block[slot] != MIXED:
+                slots[count], cell[count], number[count] = slot, chosen[c], p
+                count += 1
+    return count
+
+
+@kernel
+def interpolate(cells, cell, number, shape, values, result):
+    """Store sum_i N_i values[i] in result (n, width) at particles `number` (n,) of local cells `cell` (n,).
+
+    cells (n_cells, corners); shape (n_points, corners), of CellLattice; values (n_vertices, width).
+    """
+    for p in range(len(cell)):
+        corner = cells[cell[p]]
         for d in range(values.shape[1]):
             total = 0.0
             for a in range(shape.shape[1]):
-                total += shape[p, a] * values[corner[a], d]
+                total += shape[number[p], a] * values[corner[a], d]
             result[p, d] = total

@@ -1,5 +1,6 @@
 """What a sweep over local particles goes through: rows of eight, those whose forces are blended, and the collar that moves as it is told."""
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -14,26 +15,31 @@ WHOLE, MIXED, MOVING = 1, 2, 4
 class Blended:
     """The particles, eight to a row, whose force is not all theirs: on the ramp, or within a bond of it. Lane l of row t stands at 8 t + l.
 
-    rows (n,) int32, first slots. cell (8 n,) int32, local cell of each lane, -1 where this rank owns no particle; shape (8 n, corners), values of its functions;
-    alpha (8 n,); inside (8 n,) bool, in an enriched cell; density (8 n,), kg/m^3; impulse, moment (n, dim, 8): tau sum_j w_j F^alpha(U_j), N s/m^3, and tau^2 sum_j (k - j) w_j F^alpha(U_j);
+    rows (n,) int32, first slots. cell (8 n,) int32, local cell of each lane, -1 where this rank owns no particle; number (8 n,), of the particle in its cell; table
+    (ratio^dim, corners), the cell's functions by that number; alpha (8 n,); inside (8 n,) bool, in an enriched cell; density (8 n,), kg/m^3; impulse, moment (n, dim, 8): tau sum_j w_j F^alpha(U_j), N s/m^3, and tau^2 sum_j (k - j) w_j F^alpha(U_j);
     before, velocity_before (n, dim, 8): u and v at the start of the step.
     """
 
     rows: np.ndarray
-    cell: np.ndarray
-    shape: np.ndarray
-    alpha: np.ndarray
-    inside: np.ndarray
-    density: np.ndarray
+    table: np.ndarray
     dim: int
-    impulse: np.ndarray = field(init=False)
-    moment: np.ndarray = field(init=False)
-    before: np.ndarray = field(init=False)
-    velocity_before: np.ndarray = field(init=False)
 
     def __post_init__(self):
+        n = LANES * len(self.rows)
+        self.cell, self.number, self.alpha = np.empty(n, np.int32), np.empty(n, np.uint16), np.empty(n)
+        self.inside, self.density = np.empty(n, bool), np.empty(n)
         shape = len(self.rows), self.dim, LANES
-        self.impulse, self.moment, self.before, self.velocity_before = (np.zeros(shape) for _ in range(4))
+        self.impulse, self.moment, self.before, self.velocity_before = (np.empty(shape) for _ in range(4))
+
+    @property
+    def lanes(self):
+        """(cell, number, alpha, inside, density)."""
+        return self.cell, self.number, self.alpha, self.inside, self.density
+
+    @cached_property
+    def shape(self):
+        """(8 n, corners), values of the functions of each lane's cell."""
+        return self.table[self.number]
 
 
 @dataclass
@@ -42,7 +48,7 @@ class Collar:
 
     slots: np.ndarray
     cell: np.ndarray
-    shape: np.ndarray
+    number: np.ndarray
     dim: int
     displacement: np.ndarray = field(init=False)
     velocity: np.ndarray = field(init=False)
@@ -50,6 +56,31 @@ class Collar:
 
     def __post_init__(self):
         self.displacement, self.velocity, self.acceleration = (np.zeros((len(self.slots), self.dim)) for _ in range(3))
+
+
+@kernel
+def set_alpha(slots, cell, number, cells, shape, weight, alpha):
+    """alpha[slots] = sum_a N_a weight at the corners of particles' cells; 0 or 1 where it is within round-off of these."""
+    for n in range(len(slots)):
+        corner, total = cells[cell[n]], 0.0
+        for a in range(len(corner)):
+            total += shape[number[n], a] * weight[corner[a]]
+        if abs(total - 1.0) < 1e-9:
+            total = 1.0
+        alpha[slots[n]] = total if abs(total) > 1e-12 else 0.0
+
+
+@kernel
+def take_lanes(rows, status, cell, number, alpha, inside, block, density, lane_cell, lane_number, lane_alpha, lane_inside, lane_density):
+    """Store in the arrays of Blended what fields by slot say of its lanes; cell holds a cell's number plus one. A particle with status 0 is not this rank's, or far."""
+    for t in range(len(rows)):
+        for lane in range(LANES):
+            n, i = LANES * t + lane, rows[t] + lane
+            mine = status[i] > 0
+            lane_cell[n] = cell[i] - 1 if mine else -1
+            lane_number[n], lane_alpha[n] = number[i], alpha[i]
+            lane_inside[n] = mine and inside[i]
+            lane_density[n] = density[block[i]] if mine else 0.0
 
 
 @kernel

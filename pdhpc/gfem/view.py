@@ -19,6 +19,7 @@ class CoupledView(View):
         """stepper : CoupledStep."""
         self._stepper, self._local, self._solution = stepper, stepper.local, stepper.solution
         super().__init__(self._local.subdomain, self._local.law)
+        self._kept = {}  # by members of a tip: which of them lie in enriched cells
 
     def prepare(self):
         """Put the particles outside the patches, ghosts too, where the elements have them. Local."""
@@ -31,7 +32,7 @@ class CoupledView(View):
         for first in range(0, len(cells), _PIECE):
             slots, cell, number = local.slots_of(cells[first : first + _PIECE])
             values = np.empty((len(slots), mesh.dim))
-            interpolate(mesh.cells, cell, local.lattice.shape[number], nodal, values)
+            interpolate(mesh.cells, cell, number, local.lattice.shape, nodal, values)
             field[slots] = values
 
     def field(self, name):
@@ -59,13 +60,21 @@ class CoupledView(View):
         return particles.owned(total)
 
     def first_not_finite(self):
-        """As View.first_not_finite, of what moves by itself and of the vertices. Local."""
-        particles = self._local.subdomain.particles
-        row = int(first_not_finite(particles.position, particles.slots))
-        return None if row < 0 else (int(particles.id[row]), tuple(float(x) for x in self.places(row)[0]))
+        """Return (id, place) of a particle that moves by itself, or (id, place) of a vertex, whose displacement is NaN or infinite, None without any. Local."""
+        local, solution, particles = self._local, self._solution, self._local.subdomain.particles
+        slots = local.cell_slots.ravel()
+        row = int(first_not_finite(particles.position, slots))
+        if row >= 0:
+            return int(particles.id[np.flatnonzero(particles.slots == slots[row])[0]]), tuple(float(x) for x in local.subdomain.places_at(slots[row])[0])
+        mesh = solution.mesh
+        bad = np.flatnonzero(~np.isfinite(solution.displacement[: mesh.n_owned]).all(axis=1))
+        return (int(mesh.vertex_id[bad[0]]), tuple(float(x) for x in mesh.points[bad[0]])) if len(bad) else None
 
     def foremost(self, members, ahead, threshold):
         """As View.foremost; only particles of enriched cells can have lost bonds."""
-        mine = np.flatnonzero(self._local.inside[self._subdomain.particles.slots[members]])
+        key = id(members), len(members), self._local.n_active
+        if self._kept.get(id(members), (None,))[0] != key:
+            self._kept[id(members)] = key, np.flatnonzero(self._local.inside[self._subdomain.particles.slots[members]])
+        mine = self._kept[id(members)][1]
         found = super().foremost(members[mine], ahead[mine], threshold)
         return int(mine[found]) if found >= 0 else -1

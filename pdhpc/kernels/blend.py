@@ -15,12 +15,13 @@ from pdhpc.materials.law import bond_energy, bond_weight, far_end, moment_weight
 
 
 @sweep
-def blended_forces(bonds, points, law, third, rows, alpha, force_density, dissipated, weights, impulse, moment):
+def blended_forces(bonds, points, law, third, rows, alpha, moving, force_density, dissipated, weights, impulse, moment):
     """Compute F_p of the rows and add their F^alpha_p to two sums; break bonds beyond their limit, as sweeps.bond_forces does. Linear kinematics.
 
     Parameters
     ----------
     bonds : LatticeArrays. points, law, third, rows, force_density, dissipated : as of sweeps.bond_forces. alpha : (n_slots,), 0 to 1.
+    moving : (n_slots,), above 0 for particles that move by themselves: only their bonds are watched for breaking.
     weights : (2,): impulse += weights[0] F^alpha, moment += weights[1] F^alpha. impulse, moment : (n_rows, dim, 8), of the eight particles of each row.
 
     Returns
@@ -28,34 +29,34 @@ def blended_forces(bonds, points, law, third, rows, alpha, force_density, dissip
     int, directed bonds broken in this evaluation.
     """
     broken, settled = 0, -1
-    t, beyond = _sum_blended(0, settled, bonds, points, law, third, rows, alpha, force_density, weights, impulse, moment)
+    t, beyond = _sum_blended(0, settled, bonds, points, law, third, rows, alpha, moving, force_density, weights, impulse, moment)
     while beyond:
         newly_broken = 0
         for i in range(rows[t], rows[t] + LANES):
             newly_broken += break_row(bonds, i, points, law, None, True, third, dissipated)
         broken += newly_broken
         settled = t if newly_broken == 0 else -1
-        t, beyond = _sum_blended(t, settled, bonds, points, law, third, rows, alpha, force_density, weights, impulse, moment)
+        t, beyond = _sum_blended(t, settled, bonds, points, law, third, rows, alpha, moving, force_density, weights, impulse, moment)
     return broken
 
 
 @sweep
-def _sum_blended(first, settled, bonds, points, law, third, rows, alpha, force_density, weights, impulse, moment):
+def _sum_blended(first, settled, bonds, points, law, third, rows, alpha, moving, force_density, weights, impulse, moment):
     """Go through the rows from `first` on, up to the first with a bond that may be beyond its limit; of the row `settled` it is known that none is."""
     for t in range(first, len(rows)):
         i = rows[t]
         kind = bonds.kind[i >> 3]
         if kind == MIXED:
-            beyond = _blend_eight(bonds, i, t, points, law, third, alpha, force_density, weights, impulse, moment, mixed_ends(law, None, i), len(bonds.weight) - 1, t != settled)
+            beyond = _blend_eight(bonds, i, t, points, law, third, alpha, moving, force_density, weights, impulse, moment, mixed_ends(law, None, i), len(bonds.weight) - 1, t != settled)
         else:
-            beyond = _blend_eight(bonds, i, t, points, law, third, alpha, force_density, weights, impulse, moment, uniform_ends(law, None, i), np.int64(kind), t != settled)
+            beyond = _blend_eight(bonds, i, t, points, law, third, alpha, moving, force_density, weights, impulse, moment, uniform_ends(law, None, i), np.int64(kind), t != settled)
         if beyond:
             return t, True
     return len(rows), False
 
 
 @inlined
-def _blend_eight(bonds, i, t, points, law, third, alpha, force_density, weights, impulse, moment, near, row, unsettled):
+def _blend_eight(bonds, i, t, points, law, third, alpha, moving, force_density, weights, impulse, moment, near, row, unsettled):
     """Sum the forces on eight particles; return whether a bond may be beyond its limit, in which case the sums over sub-steps are left alone."""
     position, n, count = points.position, len(points.position), len(bonds.offset)
     dim = 2 if third is None else 3
@@ -81,7 +82,7 @@ def _blend_eight(bonds, i, t, points, law, third, alpha, force_density, weights,
             gx, gy = fma(shared, dx, gx), fma(shared, dy, gy)
             if third is not None:
                 fz, gz = fma(tension, dz, fz), fma(shared, dz, gz)
-    if unsettled and any_of(beyond):
+    if unsettled and any_of(both(beyond, load8(moving, i) > 0.0)):
         return True
     store8(force_density, i, fx)
     store8(force_density, n + i, fy)
@@ -103,7 +104,7 @@ def _add(impulse, moment, first, weights, blended):
 
 
 @kernel
-def blended_forces_by_bond(bonds, points, law, third, rows, alpha, force_density, dissipated, weights, impulse, moment):
+def blended_forces_by_bond(bonds, points, law, third, rows, alpha, moving, force_density, dissipated, weights, impulse, moment):
     """As blended_forces, bond by bond: its readable twin, for processors without wide vectors."""
     broken, dim = 0, 2 if third is None else 3
     total = np.zeros(3)

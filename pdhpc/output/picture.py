@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from pdhpc.output.enrichment_picture import draw_enrichment
 from pdhpc.output.fields import frame_times
 from pdhpc.output.figure import INK, PAPER, dress, figure_of, length_unit, planes_of, rounded, save, time_text, title_of
 from pdhpc.output.history import read_history
@@ -29,7 +30,8 @@ def draw(directory, curves=()):
         drawn += draw_mesh(directory) if _has_cells(directory) else _draw_fields(directory)
     if (directory / "history.csv").exists():
         drawn += _draw_history(directory, curves)
-    return drawn
+    enrichment = draw_enrichment(directory)
+    return drawn if enrichment is None else [*drawn, enrichment]
 
 
 def _has_cells(directory):

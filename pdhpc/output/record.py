@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-OWN_FILES = ("run.json", "history.csv", "fields.h5", "fields.xdmf")
+OWN_FILES = ("run.json", "history.csv", "fields.h5", "fields.xdmf", "enrichment.h5")
 OWN_FOLDERS = ("fields",)
 PICTURES = "*.png"
 
@@ -65,7 +65,7 @@ def claim_directory(path, overwrite):
 
 def _drawn():
     """Names of the pictures that pdhpc draws."""
-    return ("damage", "deformed", "displacement", "energies", "stress", "tip")
+    return ("damage", "deformed", "displacement", "energies", "enrichment", "stress", "tip")
 
 
 def write_text(path, text):

@@ -15,6 +15,13 @@ def use_options(words):
         petsc4py.init(["pdhpc", *words])
 
 
+def start_petsc():
+    """Let PETSc start on all ranks at once: it must not be left to the first that needs it, who would wait for the others. Collective over all ranks."""
+    from petsc4py import PETSc
+
+    PETSc.Sys.isInitialized()
+
+
 def unused_options(words):
     """Return warnings about options that no solver of this run can have used: those without the prefix of one. Local."""
     unused = [word for word in words if word.startswith("-") and word[1:2].isalpha() and not any(word[1:].startswith(prefix) for prefix in _prefixes)]

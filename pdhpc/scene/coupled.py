@@ -17,6 +17,7 @@ from pdhpc.gfem.points import CellLattice
 from pdhpc.gfem.schemes import make_scheme
 from pdhpc.gfem.stable_step import lumped_step
 from pdhpc.observers.enrichment import Enrichment, EnrichmentGuard
+from pdhpc.observers.enrichment_output import EnrichmentOutput
 from pdhpc.parallel.comm import largest
 from pdhpc.scene.body import make_body, make_shape
 from pdhpc.scene.build import cut_cracks
@@ -88,6 +89,10 @@ class CoupledProblem(Problem):
         """Return the observers that stop a run whose coupling fails. Local."""
         return [EnrichmentGuard(comm, steps)]
 
+    def outputs(self, comm, directory):
+        """Return the observer that writes the enriched space of the end for its picture. Local."""
+        return [EnrichmentOutput(comm, directory)] if self.scene.output.pictures else []
+
     def coupled(self, stepper, comm, coupling):
         """Return what run.json says of the coupling. Collective."""
         return {"scheme": stepper.scheme.name, "sub_steps": self.k, "particle_dt": self.dt / self.k, "particle_critical_dt": self.parts[0].critical_dt,
@@ -143,11 +148,9 @@ class CoupledParts:
 
     def _cracked(self):
         """Return (n_owned_cells,) bool, cells with a particle that has lost a bond to a pre-crack."""
-        particles, bonds = self.part.subdomain.particles, self.part.subdomain.bonds
-        cut = np.zeros(len(particles.position), bool)
-        cut[bonds.slots[bonds.initial_size < bonds.family_size]] = True
-        slots = self.lattice.slots_of(np.arange(self.mesh.n_owned_cells, dtype=np.int32))
-        return ((slots >= 0) & cut[slots]).any(axis=1)
+        bonds, cracked = self.part.subdomain.bonds, np.zeros(self.mesh.n_owned_cells, bool)
+        cracked[self.lattice.cell_of(bonds.slots[bonds.initial_size < bonds.family_size])[0]] = True
+        return cracked
 
     def _weight(self, centres):
         """Return (n,) int, about the work of cells: those near a pre-crack have particles."""

@@ -8,6 +8,7 @@ from pdhpc.scene.body import make_shape
 from pdhpc.scene.conditions import time_function
 from pdhpc.scene.mesh_body import cells_of_group
 from pdhpc.scene.sections import section
+from pdhpc.scene.sentences import nearest
 
 _PIECE = 1 << 14  # cells looked at together: bounds the temporary memory
 _NUDGE = 1e-6  # of the way to the middle of a cell: on which side of a region's boundary something lies is asked a little inside of the cell
@@ -46,7 +47,7 @@ class MeshSets:
         if region is None:
             return np.ones(mesh.n_owned, bool)
         if region.shape == "group":
-            if self._is_set(region.group):
+            if self._is_set(region.group, key):
                 found = vertices_of(mesh, self._set(region.group)[0])
             else:
                 found = self._marked(cells_of_group(self.scene, self.comm, mesh, region.group, key))
@@ -103,13 +104,18 @@ class MeshSets:
 
     def _in_group(self, group, facets, cell, key):
         """Return (n,) bool, which facets belong to a group of facets or of cells. Collective."""
-        if not self._is_set(group):
+        if not self._is_set(group, key):
             return cells_of_group(self.scene, self.comm, self.mesh, group, key)[cell]
         mine = {tuple(sorted(each)) for each in self._set(group)[0].tolist()}
         return np.array([tuple(sorted(each)) in mine for each in facets.tolist()], bool)
 
-    def _is_set(self, group):
-        return any(self.comm.allgather(group in self.mesh.sets))
+    def _is_set(self, group, key):
+        """Return whether a group is one of facets; a SceneError when it is none of cells either. Collective."""
+        sets, regions = (sorted(set().union(*self.comm.allgather(set(names)))) for names in (self.mesh.sets, self.mesh.regions))
+        if group not in sets + regions:
+            known = ", ".join(dict.fromkeys(sets + regions)) or "it has none"
+            raise self.scene.error(key, f'"{group}", which is no group of {self.scene.mesh.file}', f"a region of one of its groups ({known}){nearest(group, sets + regions)}")
+        return group in sets
 
     def _set(self, group):
         if group in self.mesh.sets:

@@ -91,6 +91,10 @@ class Problem:
         """Return the observers that stop a run whose coupling fails, at `steps` and in between. Local."""
         return [CouplingGuard(comm, steps)] if hasattr(stepper, "operator") else []
 
+    def outputs(self, comm, directory):
+        """Return the observers that write what only this kind of problem has into a run's folder. Local."""
+        return []
+
     def coupled(self, stepper, comm, coupling):
         """Return what run.json says of the regions and their coupling (the gauge that `coupling` returned); None without. Collective."""
         if coupling is None:

@@ -2,6 +2,7 @@
 import numpy as np
 import pytest
 
+from pdhpc.gfem.display import displayed
 from pdhpc.gfem.enrichment import EnrichedSpace
 
 NEAR_LEFT_END = lambda x: (np.abs(x[:, 1] - 1.6) < 1.0) & (x[:, 0] < 1.5)  # noqa: E731
@@ -80,3 +81,22 @@ def test_coupled_run_is_the_same_on_any_number_of_ranks(comm, coupled_plate, sch
     assert all(np.abs(value - all_particles[key]).max() < 1e-9 * scale for key, value in particles.items())
     assert all(np.abs(value - all_vertices[key]).max() < 1e-9 * scale for key, value in vertices.items())
     assert numbers[:3] == expected[:3] and numbers[3:] == pytest.approx(expected[3:], rel=1e-6, abs=1e-12) and comm.allreduce(len(particles)) == len(all_particles)
+
+
+@pytest.mark.mpi(min_size=2)
+def test_display_holds_the_same_rows(comm, coupled_plate):
+    """What is written for the picture, joined over ranks: the same vertices, functions and number of entries as on one rank."""
+    from mpi4py import MPI
+
+    found = []
+    for ranks in (comm, MPI.COMM_SELF):
+        _, stepper = coupled_plate(ranks, "galerkin")
+        for _ in range(3):
+            stepper.advance()
+        parts = ranks.allgather(displayed(ranks, stepper))
+        found.append({name: np.concatenate([part[name] for part in parts]) for name in parts[0]})
+    joined, alone = found
+    order, expected = (np.argsort(each["vertices/id"]) for each in found)
+    assert np.array_equal(joined["vertices/enriched"][order], alone["vertices/enriched"][expected])
+    assert joined["functions/vertex"].tolist() == alone["functions/vertex"].tolist()
+    assert {name: values.shape for name, values in joined.items()} == {name: values.shape for name, values in alone.items()}

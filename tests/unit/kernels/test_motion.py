@@ -3,7 +3,7 @@ import itertools
 import numpy as np
 import pytest
 
-from pdhpc.kernels.motion import drift, first_not_finite, kick, kick_drift, kinetic_energies, place
+from pdhpc.kernels.motion import drift, drift_by_mass, first_not_finite, kick, kick_by_mass, kick_drift, kick_drift_by_mass, kinetic_energies, place
 from pdhpc.study.verify.case import plate, problem_of
 from pdhpc.warm_up import PATHS
 
@@ -127,3 +127,19 @@ def test_kinetic_energies_of_chosen_slots():
     velocity, volume, energy = np.array([[3.0, 4.0], [1.0, 0.0], [0.0, 2.0]]), np.array([2.0, 5.0, 7.0]), np.empty(2)
     kinetic_energies(velocity, volume, np.array([0, 0, 1], np.uint8), np.array([10.0, 100.0]), np.array([2, 0], np.int32), energy)
     assert energy.tolist() == [0.5 * 100 * 7 * 4, 0.5 * 10 * 2 * 25]
+
+
+def test_nodes_are_kicked_by_their_mass():
+    """v + dt f / m and u + dt v of all slots; where the inverse mass is 0 nothing moves."""
+    rng = np.random.default_rng(3)
+    v, f, u = (rng.standard_normal((3, 16)) for _ in range(3))
+    inverse_mass = np.r_[rng.random(15), 0.0]
+    expected = v + 0.5 * inverse_mass * f
+    kicked, moved = v.copy(), u.copy()
+    kick_by_mass(kicked, f, inverse_mass, 0.5)
+    assert np.allclose(kicked, expected, rtol=1e-15, atol=1e-15) and np.array_equal(kicked[:, 15], v[:, 15])
+    drift_by_mass(moved, kicked, 0.25)
+    assert np.allclose(moved, u + 0.25 * expected, rtol=1e-15, atol=1e-15)
+    both = v.copy(), u.copy()
+    kick_drift_by_mass(both[0], f, inverse_mass, both[1], 0.5, 0.25)
+    assert np.array_equal(both[0], kicked) and np.array_equal(both[1], moved)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from pdhpc.parallel.linear_solver import AssembledSolver, Defaults, LinearSolver, first_row
+from pdhpc.parallel.linear_solver import AssembledSolver, Defaults, LinearSolver, MatrixSolver, Rows, SolverError, first_row, start_petsc
 
 MATRIX = np.array([[4.0, 1.0, 0.0], [1.0, 3.0, -1.0], [0.0, -1.0, 2.0]])
 
@@ -65,3 +65,40 @@ def test_no_rows(comm):
     solver = AssembledSolver(comm, "rows_", Defaults("cg"), np.zeros(1, int), np.empty(0, int))
     solver.fill(np.empty(0))
     assert len(solver.solve(np.empty(0))) == 0 and solver.condition() == 1.0 and first_row(comm, 5) == 0
+
+
+def rows_of(matrix):
+    """A dense matrix as Rows with every entry."""
+    n = len(matrix)
+    return Rows(np.arange(0, n * n + 1, n), np.tile(np.arange(n), n), matrix.ravel().copy())
+
+
+@pytest.mark.parametrize("preconditioner", ("jacobi", "gamg", "none"))
+def test_a_matrix_is_solved(comm, preconditioner):
+    near_null = np.ones((3, 2)) if preconditioner == "gamg" else None  # the second one depends on the first and is left out
+    solver = MatrixSolver(comm, "test_", Defaults("cg", 1e-12, 50, preconditioner), rows_of(MATRIX), 1, near_null)
+    x = solver.solve(np.array([1.0, 2.0, 3.0]))
+    assert MATRIX @ x == pytest.approx([1.0, 2.0, 3.0]) and solver.residual < 1e-11 and solver.iterations >= 1
+    solver.solve(np.array([1.0, 2.0, 3.0]), x)
+    assert solver.iterations <= 1
+
+
+def test_options_of_the_prefix_take_precedence(comm):
+    from petsc4py import PETSc
+
+    PETSc.Options()["chosen_ksp_max_it"] = 1
+    try:
+        with pytest.raises(SolverError, match=r"chosen_ did not converge in 1 iterations \(reason -3, residual norm .*raise -chosen_ksp_max_it"):
+            MatrixSolver(comm, "chosen_", Defaults("cg", 1e-12, 50), rows_of(MATRIX)).solve(np.array([1.0, 2.0, 3.0]))
+    finally:
+        PETSc.Options().delValue("chosen_ksp_max_it")
+
+
+def test_a_system_without_solution_is_an_error(comm):
+    with pytest.raises(SolverError, match="reason -"):
+        MatrixSolver(comm, "test_", Defaults("cg", 1e-12, 50), rows_of(np.array([[1.0, -1], [-1, 1]]))).solve(np.array([1.0, 1.0]))
+
+
+def test_petsc_starts_once(comm):
+    start_petsc()
+    start_petsc()

@@ -1,0 +1,154 @@
+"""The coupled step: its order, its patches, its energies, and that its state is all that a run needs."""
+import numpy as np
+import pytest
+
+from pdhpc.peridynamics.fields import strain_energy_density
+from pdhpc.study.verify.case import plate, problem_of
+
+STEP = ("time.dt=1.2", "gfem.substeps=3", "time.end=60.0")
+BRITTLE = "critical_stretch = 0.02"
+PULLED = """
+[[region]]
+name = "top"
+shape = "box"
+lower = [-12.0, 4.0]
+upper = [12.0, 8.0]
+[[load]]
+type = "traction"
+region = "top"
+face = "+y"
+value = [0.0, 0.01]
+time = { function = "sine", frequency = 0.02 }
+"""
+HELD = """
+[[region]]
+name = "right"
+shape = "box"
+lower = [11.5, -8.0]
+upper = [12.5, 8.0]
+[[load]]
+type = "displacement"
+region = "right"
+value = ["free", 0.01]
+time = { function = "ramp", start = 0.0, end = 20.0 }
+"""
+
+
+def test_a_step_is_five_verbs(coupled_plate):
+    stepper, called = coupled_plate(STEP).stepper(), []
+    for verb in ("choose_patches", "seed_particles", "run_particles", "reconstruct", "solve"):
+        whole = getattr(stepper, verb)
+        setattr(stepper, verb, lambda *arguments, verb=verb, whole=whole: (called.append(verb), whole(*arguments))[1])
+    stepper.advance()
+    assert called == ["choose_patches", "seed_particles", "run_particles", "reconstruct", "solve"]
+    assert stepper.step == 1 and stepper.time == 1.2 and set(stepper.seconds) == {"force", "exchange", "wait", "integrate", "choose", "seed", "reconstruct", "solve"}
+    assert stepper.local.particle_steps == 3 * len(stepper.local.points.slots) and stepper.bytes_sent == 0 and stepper.failure is None
+    assert stepper.bond_evaluations == {"body": 4 * 8 * (len(stepper.local.rows) + len(stepper.local.blended.rows)) * 36} or stepper.bond_evaluations["body"] > 0
+
+
+def test_a_continued_run_needs_no_more_than_the_state(coupled_plate, shake):
+    """Six steps, or three, what `state` says put into another body, and three more: the same bits, bonds broken and patches grown in both halves."""
+    options = dict(material=BRITTLE, extra=PULLED + HELD)
+    through, half, other = (coupled_plate(STEP, **options).stepper() for _ in range(3))
+    for stepper in (through, half):
+        shake(stepper, 0.04)
+    counts = [through.patches.chosen.sum()]
+    for number in range(6):
+        through.advance()
+        if number == 2:
+            counts.append(through.patches.chosen.sum())
+    for _ in range(3):
+        half.advance()
+    stored = {key: np.copy(get()) for key, (get, _) in half.state().items()}
+    for key, (_, put) in other.state().items():
+        put(stored[key])
+    other.follow()
+    broken = half.broken
+    for _ in range(3):
+        other.advance()
+    assert through.patches.chosen.sum() >= counts[1] >= counts[0] and through.broken == broken + other.broken and broken > 0
+    for key, (get, _) in other.state().items():
+        assert np.array_equal(get(), through.state()[key][0]()), key
+    for name, values in through.ledger().items():
+        assert other.ledger()[name].sum() == pytest.approx(values.sum(), rel=1e-12), name
+
+
+def test_cells_without_particles_join_when_their_strain_says_so(coupled_plate):
+    """Uniform strain e along x: above theta s0 all cells that may fail join, below none; the activation is 0.6 unless the scene says otherwise."""
+    for strain, joins in ((0.0119, False), (0.0121, True)):
+        stepper = coupled_plate(STEP, tip=None, material=BRITTLE).stepper()
+        stepper.solution.displacement[:, 0] = strain * stepper.solution.mesh.points[:, 0]
+        stepper.choose_patches()
+        assert stepper.patches.chosen.all() == joins == stepper.patches.chosen.any()
+    stepper = coupled_plate(STEP + ("gfem.activation=0.5",), tip=None, material=BRITTLE).stepper()
+    stepper.solution.displacement[:, 0] = 0.0101 * stepper.solution.mesh.points[:, 0]
+    stepper.choose_patches()
+    assert stepper.patches.chosen.all()
+
+
+def test_cells_that_may_not_fail_stay_elements(coupled_plate):
+    extra = '[[region]]\nname = "safe"\nshape = "box"\nlower = [-12.0, -8.0]\nupper = [0.0, 8.0]\n[damage]\nno_fail = ["safe"]\n'
+    stepper = coupled_plate(STEP, tip=None, material=BRITTLE, extra=extra).stepper()
+    mesh = stepper.solution.mesh
+    stepper.solution.displacement[:, 0] = 0.1 * mesh.points[:, 0]
+    stepper.choose_patches()
+    assert np.array_equal(stepper.patches.chosen, mesh.points[:, 0] >= 0.0)
+
+
+def test_vertices_of_prescribed_motion_never_join(coupled_plate):
+    stepper = coupled_plate(STEP, tip=None, material=BRITTLE, extra=HELD).stepper()
+    mesh = stepper.solution.mesh
+    stepper.solution.displacement[:, 0] = 0.1 * mesh.points[:, 0]
+    stepper.choose_patches()
+    assert np.array_equal(stepper.patches.chosen, mesh.points[:, 0] < 8.0) and stepper.patches.refused == 10, "both columns of vertices of the cells that are held"
+
+
+def test_patches_follow_a_crack(coupled_plate):
+    """Particles on the ramp whose bonds break bring the patches of their cells."""
+    stepper = coupled_plate(STEP, material=BRITTLE).stepper()
+    before, local = stepper.patches.chosen.copy(), stepper.local
+    ring = np.flatnonzero(stepper.patches.enriched & ~stepper.patches.whole)
+    local.subdomain.bonds.arrays.alive[0, local.lattice.slots_of(ring[:1].astype(np.int32))[0, 5]] = 0
+    stepper.choose_patches()
+    added = stepper.patches.chosen & ~before
+    assert added.any() and np.all(np.isin(np.flatnonzero(added), stepper.solution.mesh.cells[ring[0]]))
+    assert np.all(local.inside[local.points.slots]) and len(local.points.slots) == 16 * stepper.patches.enriched.sum(), "everything has followed"
+
+
+def test_energies_are_those_of_the_particles_alone_under_uniform_strain(coupled_plate):
+    """In elements by the moduli of the lattice, on the ramp by both: their shares add up, but for bonds across the ramp's kinks and those that the crack cut."""
+    gradient = np.array([[1e-3, 2e-4], [-4e-4, 5e-4]])
+    stepper = coupled_plate(STEP, cells=(40, 40)).stepper()
+    solution, local = stepper.solution, stepper.local
+    other = problem_of(plate((40, 40)))
+    particles = other.subdomain.particles
+    particles.put(particles.displacement, other.subdomain.places() @ gradient.T)
+    particles.put(particles.velocity, np.broadcast_to([3.0, -4.0], (1600, 2)))
+    other.stepper()
+    expected = strain_energy_density(other.subdomain, other.body.law).sum()
+    solution.displacement[:] = solution.mesh.points @ gradient.T
+    solution.velocity[:] = (3.0, -4.0)
+    slots = local.points.slots
+    local.subdomain.particles.position[slots] = local.subdomain.places_at(slots) @ gradient.T
+    local.subdomain.particles.velocity[slots] = (3.0, -4.0)
+    stepper.view.prepare()
+    cut = (local.subdomain.bonds.family_size - local.subdomain.bonds.initial_size).sum() / local.subdomain.bonds.family_size.sum()
+    ledger = stepper.ledger()
+    assert ledger["kinetic_energy"].sum() == pytest.approx(0.5 * 1600 * 25.0)
+    assert ledger["strain_energy"].sum() == pytest.approx(expected, rel=3 * cut) and 0.0 < cut < 0.02
+    assert ledger["strain_energy"].sum() < expected
+    assert ledger["dissipated_energy"].sum() == ledger["external_work"].sum() == 0.0
+
+
+@pytest.mark.parametrize("tip, tolerance", ((None, 0.01), (-4.0, 0.03)))
+def test_energy_is_what_was_put_in(coupled_plate, tip, tolerance):
+    """Pulled and held, without patches and with: kinetic and strain energy are the work of loads and holds."""
+    stepper = coupled_plate(("time.dt=0.4", "gfem.substeps=1", "time.end=60.0"), tip=tip, extra=PULLED + HELD).stepper()
+    largest, before = 0.0, {name: values.sum() for name, values in stepper.ledger().items()}
+    assert before["external_work"] == 0.0 < before["kinetic_energy"], "what is held moves from the start"
+    for _ in range(60):
+        stepper.advance()
+        ledger = {name: values.sum() for name, values in stepper.ledger().items()}
+        largest = max(largest, abs(ledger["external_work"]))
+        assert ledger["kinetic_energy"] - before["kinetic_energy"] + ledger["strain_energy"] == pytest.approx(ledger["external_work"], abs=tolerance * largest + 1e-9)
+    assert largest > 1e-4

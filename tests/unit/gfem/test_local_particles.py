@@ -1,0 +1,189 @@
+"""Local particles: what is swept, what moves, and that where alpha is 1 they are plain peridynamics."""
+import numpy as np
+import pytest
+
+from pdhpc.gfem.loads import sub_step_sums
+from pdhpc.kernels.family import MIXED
+from pdhpc.parallel.noise import noise
+from pdhpc.study.verify.case import plate, problem_of
+
+STEP = ("time.dt=1.2", "gfem.substeps=3", "time.end=12.0")
+PULLED = '[[load]]\ntype = "force_density"\nregion = "all"\nvalue = [1e-3, -2e-3]\ntime = { function = "sine", frequency = 0.1, phase = 0.4 }\n'
+
+
+def test_everywhere_it_is_plain_peridynamics(coupled_plate):
+    """Patches everywhere: three sub-steps of particles from a random state, breaking bonds, are three steps of a body of particles alone."""
+    words = "critical_stretch = 0.02"
+    local = coupled_plate(STEP + ("gfem.everywhere=true",), material=words, extra=PULLED).stepper().local
+    crack = '[[crack]]\ntype = "polyline"\npoints = [[-13.0, 0.0], [-4.0, 0.0]]\n'
+    other = problem_of(plate((24, 16), extra=crack + PULLED, material=words), ["time.dt=0.4", "time.end=0.4"])
+    for particles in (local.subdomain.particles, other.subdomain.particles):
+        particles.put(particles.displacement, 0.02 * noise(particles.id, 2))
+        particles.put(particles.velocity, 0.01 * noise(particles.id, 2, 1))
+        particles.place()
+    local.run(3, 0.4, 0.0)
+    stepper = other.stepper()
+    for _ in range(3):
+        stepper.advance()
+    mine, plain = local.subdomain.particles, other.subdomain.particles
+    assert len(local.collar.slots) == len(local.blended.rows) == 0 and np.all(local.alpha[mine.slots] == 1.0)
+    assert local.broken == stepper.broken > 0 and np.array_equal(local.subdomain.bonds.alive(), other.subdomain.bonds.alive())
+    for one, two in ((mine.position, plain.position), (mine.velocity, plain.velocity), (mine.dissipated, plain.dissipated)):
+        assert mine.owned(one) == pytest.approx(plain.owned(two), abs=1e-15)
+    assert local.particle_steps == 3 * 384 and local.external_work().sum() == pytest.approx(sum(load.work.sum() for load in other.parts[0].conditions.loads), rel=1e-12)
+
+
+def test_impulses_are_momenta_where_bonds_reach_alpha_one(coupled_plate, shake):
+    """I1 + S1 b = rho (V - v), I2 + S2 b = rho (U - u - dt v): the sums over a velocity Verlet run, lane by lane."""
+    stepper = coupled_plate(STEP, cells=(24, 32), extra=PULLED).stepper()
+    low = stepper.solution.mesh.points[stepper.solution.mesh.cells[:, 0]]
+    stepper.patches.add((low[:, 0] < 0.0) & (low[:, 1] >= -8.0) & (low[:, 1] < 8.0))
+    stepper.follow()
+    shake(stepper, 1e-2).seed_particles()
+    local, blended = stepper.local, stepper.local.blended
+    local.run(3, 0.4, 0.0)
+    local.add_loads_to_sums(3)
+    slots = (blended.rows[:, None] + np.arange(8)).ravel()
+    i, j = bonds_by_slot(local.subdomain)
+    least = local.alpha.copy()
+    np.minimum.at(least, i, local.alpha[j])
+    whole = (least[slots] == 1.0) & blended.inside
+    assert 8 < whole.sum() < blended.inside.sum(), "rows on the ramp hold lanes inside it"
+    before, velocity_before, first, second = (each.transpose(0, 2, 1).reshape(-1, 2) for each in (blended.before, blended.velocity_before, blended.impulse, blended.moment))
+    particles = local.subdomain.particles
+    gained = particles.velocity[slots] - velocity_before
+    moved = particles.position[slots] - before - 1.2 * velocity_before
+    assert first[whole] == pytest.approx(gained[whole], abs=1e-15) and second[whole] == pytest.approx(moved[whole], abs=1e-15)
+    ramp = blended.inside & ~whole
+    assert np.abs(first - gained)[ramp].max() > 1e-4, "on the ramp they are not"
+    assert sub_step_sums(local.acting[0].time_function, 0.0, 0.4, 3)[0] > 0.0
+
+
+def bonds_by_slot(subdomain):
+    """Return (i, j), slots of the ends of each directed bond, broken ones too."""
+    arrays, particles = subdomain.bonds.arrays, subdomain.particles
+    i = np.repeat(particles.slots, len(arrays.offset))
+    j = i + np.tile(arrays.offset, len(particles.slots))
+    there = particles.block[j] != MIXED
+    return i[there], j[there]
+
+
+def test_blended_impulses_move_nothing_as_a_whole(coupled_plate, shake):
+    """Each bond pulls both of its ends alike, (alpha_p + alpha_q)/2: sums over all lanes, those outside enriched cells too, and rows of whole forces vanish."""
+    stepper = shake(coupled_plate(STEP).stepper(), 1e-2)
+    local, blended = stepper.local, stepper.local.blended
+    stepper.seed_particles()
+    v = local.subdomain.particles.velocity.copy()
+    local.run(3, 0.4, 0.0)
+    rows = (local.rows[:, None] + np.arange(8)).ravel()
+    total = blended.impulse.sum(axis=(0, 2)) + (local.subdomain.particles.velocity - v)[rows].sum(axis=0)
+    assert np.abs(total).max() < 1e-14 and np.abs(blended.impulse).max() > 1e-4
+
+
+def test_what_is_swept(coupled_plate):
+    """All that moves or feels a bond to where alpha is above 0 is swept once; alpha is 1 - (distance from J)/H across the ring of cells."""
+    local = coupled_plate().stepper().local
+    lattice, places, particles = local.lattice, local.subdomain.places(), local.subdomain.particles
+    assert np.array_equal(np.unique(local.points.slots // 8 * 8), local.moving)
+    both = np.concatenate([local.rows, local.blended.rows])
+    assert len(set(both.tolist())) == len(both)
+    i, j = bonds_by_slot(local.subdomain)
+    reached = (local.alpha > 0.0) | local.inside
+    felt = reached.copy()
+    felt[i[local.alpha[j] > 0.0]] = True
+    assert set((np.flatnonzero(felt) // 8 * 8).tolist()) == set(both.tolist())
+    collar = felt & ~local.inside
+    assert np.array_equal(np.sort(local.collar.slots), np.flatnonzero(collar)) and collar.sum() > 0
+    distance = np.maximum(places[:, 0] - 0.0, np.abs(places[:, 1]) - 4.0)  # J: the vertices x <= 0, |y| <= 4, around the cells that the crack cuts
+    assert local.alpha[particles.slots] == pytest.approx(expected_alpha(places), abs=1e-12) and distance.max() > 4.0
+    assert np.array_equal(local.inside[particles.slots], expected_alpha(places) > 0.0)
+    cells = np.arange(24, dtype=np.int32)
+    assert local.outside(cells) == pytest.approx(1.0 - local.alpha[lattice.slots_of(cells)])
+
+
+def expected_alpha(places):
+    """1 where x < 0 and |y| < 4, falling over a cell of 4 to 0 (a product where both fall)."""
+    x, y = places.T
+    return np.clip(1.0 - x / 4.0, 0.0, 1.0) * np.clip(2.0 - np.abs(y) / 4.0, 0.0, 1.0)
+
+
+def test_patches_may_grow_in_any_order(coupled_plate):
+    """Patches added to others leave what they would have been at once."""
+    grown, at_once = coupled_plate().stepper(), coupled_plate().stepper()
+    more = np.zeros((2, 24), bool)
+    more[0, 9], more[1, [9, 17]] = True, True
+    grown.patches.add(more[0])
+    grown.follow()
+    for stepper in (grown, at_once):
+        stepper.patches.add(more[1])
+        stepper.follow()
+    one, two = grown.local, at_once.local
+    for name in ("alpha", "inside", "rows", "moving"):
+        assert np.array_equal(getattr(one, name), getattr(two, name)), name
+    for name in ("rows", "cell", "shape", "alpha", "inside", "density"):
+        assert np.array_equal(getattr(one.blended, name), getattr(two.blended, name)), name
+    assert np.array_equal(one.collar.slots, two.collar.slots) and np.array_equal(one.points.slots, two.points.slots)
+    assert np.array_equal(one.subdomain.particles.block, two.subdomain.particles.block)
+
+
+def test_new_particles_take_the_state_of_the_mesh(coupled_plate):
+    stepper = coupled_plate(tip=None).stepper()
+    local, solution = stepper.local, stepper.solution
+    assert len(local.points.slots) == len(local.rows) == len(local.collar.slots) == 0
+
+    def field(x):
+        return np.stack([x[:, 0] + 0.5 * x[:, 1], x[:, 0] * x[:, 1]], axis=1)
+
+    solution.displacement[:], solution.velocity[:] = field(solution.mesh.points), -field(solution.mesh.points)
+    stepper.patches.add(np.arange(24) == 9)
+    stepper.follow()
+    particles = local.subdomain.particles
+    places = local.subdomain.places_at(local.points.slots)
+    assert len(places) == 9 * 16
+    assert particles.position[local.points.slots] == pytest.approx(field(places), abs=1e-11) and particles.velocity[local.points.slots] == pytest.approx(-field(places), abs=1e-11)
+    others = np.setdiff1d(particles.slots, local.points.slots)
+    assert not particles.velocity[others].any(), "outside the patches particles have no state of their own"
+
+
+def test_the_collar_follows_the_mesh(coupled_plate):
+    stepper = coupled_plate(STEP).stepper()
+    local, mesh = stepper.local, stepper.solution.mesh
+    gradients = np.random.default_rng(3).uniform(-1e-3, 1e-3, (3, 2, 2))
+    local.hold_collar(*(mesh.points @ gradient for gradient in gradients))
+    places = local.subdomain.places_at(local.collar.slots)
+    local.run(1, 0.8, 0.0)
+    u, v, a = (places @ gradient for gradient in gradients)
+    assert local.subdomain.particles.position[local.collar.slots] == pytest.approx(u + 0.8 * v + 0.32 * a, abs=1e-15)
+    assert not local.subdomain.particles.velocity[local.collar.slots].any()
+
+
+def test_a_collar_never_fails_and_others_may(coupled_plate):
+    """A stretch far beyond the critical one: bonds break where both ends are in enriched cells, nowhere else."""
+    stepper = coupled_plate(("time.dt=0.1", "time.end=1.0"), material="critical_stretch = 0.01").stepper()
+    local, mesh = stepper.local, stepper.solution.mesh
+    particles = local.subdomain.particles
+    whole = local.subdomain.bonds.alive().copy()
+    x = local.subdomain.places_at(local.points.slots)
+    particles.position[local.points.slots] = 0.1 * x
+    local.hold_collar(0.1 * mesh.points, 0.0 * mesh.points, 0.0 * mesh.points)
+    local.run(1, 1e-6, 0.0)
+    lost = whole - local.subdomain.bonds.alive()
+    inside = local.inside[particles.slots]
+    assert np.all(lost[~inside] == 0) and lost[inside].sum() == local.broken > 1000
+    i, j = bonds_by_slot(local.subdomain)
+    both = np.bincount(i, local.inside[i] & local.inside[j], len(local.inside))[particles.slots]
+    assert np.all(local.subdomain.bonds.alive()[inside] <= (np.bincount(i, minlength=len(local.inside))[particles.slots] - both)[inside])
+
+
+def test_cells_want_patches_when_their_particles_are_strained(coupled_plate):
+    stepper = coupled_plate(tip=None, material="critical_stretch = 0.01").stepper()
+    local, particles, lattice = stepper.local, stepper.local.subdomain.particles, stepper.local.lattice
+    slots = lattice.slots_of(np.array([9], np.int32))[0]
+    assert np.all(local.original_block(slots) == 0) and np.all(particles.block[slots] != 0), "they may not fail yet"
+    stepper.patches.add(np.arange(24) == 9)
+    stepper.follow()
+    assert np.all(particles.block[slots] == 0) and not local.wanting([0, 9], 0.6).any()
+    particles.position[slots[5], 0] += 0.007  # its neighbours along x are 1 apart
+    assert local.wanting([0, 9, 10], 0.6).tolist() == [False, True, False] and not local.wanting([0, 9], 0.8).any()
+    local.subdomain.bonds.arrays.alive[0, lattice.slots_of(np.array([0], np.int32))[0, 7]] = 0
+    assert local.wanting([0, 9], 0.8).tolist() == [True, False]
