@@ -207,10 +207,12 @@ def _compile_first_on_each_node(comm, scene):
 
 def _compile(scene):
     """Compile the kernels that a scene uses. Local."""
-    from pdhpc.warm_up import compile_coupling, compile_kernels, compile_mesh
+    from pdhpc.warm_up import compile_coupling, compile_enrichment, compile_kernels, compile_mesh
 
     if scene.model == "fem":
         compile_mesh(scene)
+    if scene.model == "gfem":
+        compile_enrichment(scene)
     if scene.uses_lattice:
         path, model, linear = make_body(scene).path.split(":")[0], scene.material[0].model, scene.particles.kinematics == "linear"
         compile_kernels((scene.dim,), (path,), (model,), (linear,))

@@ -13,6 +13,7 @@ from pdhpc.fem.nodes import Nodes
 from pdhpc.geometry.cracks import disk, polyline
 from pdhpc.geometry.lattice import LatticeBody, find_common_lattice
 from pdhpc.geometry.shapes import Box
+from pdhpc.gfem.display import displayed
 from pdhpc.kernels import motion, shared
 from pdhpc.kernels.bond_states import count_face, foremost_damaged
 from pdhpc.kernels.neighbours import count_neighbours
@@ -181,6 +182,72 @@ def compile_mesh(scene):
         nodes, stiffness = Nodes(problem.body.mesh, False), problem.elasticity.stiffness()
         nodes.set_mass(problem.elasticity.lumped_mass(nodes.stars))
         critical_step(problem.elasticity, stiffness, nodes, InternalForcesOfMesh(nodes, make_sweep(nodes, stiffness)))
+
+
+ENRICHED = """
+model = "gfem"
+dimension = "{dimension}"
+[particles]
+spacing = 1.0
+horizon = 3.0
+kinematics = "linear"
+[mesh]
+cell_size = 4.0
+[gfem]
+scheme = "{scheme}"
+{tolerance}
+[[material]]
+name = "m"
+density = 1.0
+youngs_modulus = 1.0
+critical_stretch = 1e-2
+[[body]]
+name = "b"
+material = "m"
+shape = "box"
+lower = [0.0, 0.0]
+upper = [32.0, 16.0]
+[[crack]]
+type = "polyline"
+points = [[-1.0, 8.0], [5.0, 8.0]]
+[[region]]
+name = "right"
+shape = "half_space"
+point = [31.0, 0.0]
+normal = [1.0, 0.0]
+[[load]]
+type = "displacement"
+region = "right"
+value = [0.0, "free"]
+[[load]]
+type = "gravity"
+value = [0.0, 1e-3]
+[[initial]]
+velocity_gradient = [[0.0, 0.0], [0.0, 1e-2]]
+origin = [0.0, 8.0]
+[time]
+end = 1.0
+dt = 0.5
+"""
+
+
+def compile_enrichment(scene):
+    """Call every kernel of a run of elements and particles once, on a small plate with a crack and with the scene's scheme. Local."""
+    from mpi4py import MPI
+
+    tolerance = "" if scene.gfem.scheme == "pinned" else "tolerance = 0.0"
+    problem = build(parse_scene(ENRICHED.format(dimension=scene.dimension, scheme=scene.gfem.scheme, tolerance=tolerance), "warm-up"), MPI.COMM_SELF)
+    stepper, comm = problem.stepper(), MPI.COMM_SELF
+    stepper.advance()
+    displayed(comm, stepper)
+    problem.coupling(stepper, comm).read(stepper)
+    view = stepper.view
+    view.prepare()
+    for name in ("displacement", "velocity", "force_density", "stress", "strain", "strain_energy_density", "damage"):
+        view.field(name)
+    view.first_not_finite()
+    view.foremost(np.arange(view.n), view.places()[:, 0], 0.5)
+    compile_messages(np.zeros((2, 2)), np.zeros((2, 2)).T, np.zeros((2, 1)), np.zeros((2, 1), np.int64))
 
 
 class NoExchange:
