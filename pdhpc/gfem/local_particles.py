@@ -234,6 +234,15 @@ class LocalParticles:
         """Return (n,) J, contributions to the work of loads on the particles of enriched cells. Local."""
         return np.concatenate([np.array([self.load_work]), *(load.work * self.volume for load in self.acting)])
 
+    def work_state(self):
+        """Return {key: (getter, setter)} of the work account: that of this rank, J."""
+        return {"work/particle_loads": (lambda: self.external_work().sum(), self._start_account)}
+
+    def _start_account(self, work):
+        self.load_work = float(work)
+        for load in self.acting:
+            load.work[:] = 0.0
+
     def watch(self, cells):
         """Look from now on at the particles of these owned cells, (n_owned_cells,) bool, for bonds that stretch or break; none is broken yet. Local."""
         arrays = self.subdomain.bonds.arrays
