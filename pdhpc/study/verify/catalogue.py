@@ -4,14 +4,16 @@ import time
 
 from pdhpc.parallel.comm import world
 from pdhpc.scene.schema import SceneError
-from pdhpc.study.verify import branching, dynamics, elasticity, fem, fem_dynamics, fem_flat_top, fem_scenes, fracture, mls, mts, mts_plate, state_based  # noqa: F401  (they register their cases)
+from pdhpc.study.verify import (  # noqa: F401  (they register their cases)
+    branching, dynamics, elasticity, fem, fem_dynamics, fem_flat_top, fem_scenes, fracture, gfem, gfem_fracture, gfem_poster, mls, mts, mts_plate, state_based,
+)
 from pdhpc.study.verify.case import CASES
 
 
 def main(names, only_list):
     """Run the named cases (all without names) and print their verdicts; return the exit code: 1 when a check fails.
 
-    Cases of coupled regions, and mls_ranks, run on all ranks together, the others on each rank alone; rank 0 prints. Collective.
+    Cases of coupled regions and of coupled methods, and mls_ranks, run on all ranks together, the others on each rank alone; rank 0 prints. Collective.
     """
     from rich.console import Console
     from rich.table import Table

@@ -3,15 +3,13 @@ import math
 
 import numpy as np
 
-from pdhpc.gfem.coupled_step import CoupledStep
-from pdhpc.gfem.patch_mass import PatchMass
-from pdhpc.gfem.pinned import Pinned
-from pdhpc.parallel.comm import exact_sum, largest, world
+from pdhpc.parallel.comm import largest, world
 from pdhpc.scene.build import build
 from pdhpc.scene.read import parse_scene
 from pdhpc.scene.schema import SceneError
 from pdhpc.study.verify.case import Check, at_most, case, plate
-from pdhpc.study.verify.gfem_plate import CELL, HEIGHT, QUARTERS, Plate, coupled_problem, errors, observe, run_full, set_in_motion, words
+from pdhpc.study.verify.gfem_control import blend_by_a_step
+from pdhpc.study.verify.gfem_plate import CELL, HEIGHT, Plate, coupled_problem, errors, observe, run_full, set_in_motion, words
 from pdhpc.study.verify.mts import field_by_id
 
 _SOURCE = "prototype"
@@ -29,14 +27,7 @@ def gfem_ghost_force():
     for ratio in (5, 10, 15):
         stepper = Plate(ratio, k=ratio).coupled().stepper()
         ramped[ratio] = stepper.ghost_force()
-        local, set_alpha = stepper.local, stepper.local._set_alpha
-
-        def step_in_place_of_ramp(cells, weight):
-            set_alpha(cells, weight)
-            local.alpha[:] = local.alpha >= 1.0
-
-        local._set_alpha = step_in_place_of_ramp
-        stepper.follow()
+        blend_by_a_step(stepper)
         times = stepper.ghost_force() / ramped[ratio]
         wanted = 5 <= times <= 10 if ratio == 5 else times >= 5
         checks.append(share(wanted, f"H/h = {ratio}, control: a step in the place of the ramp gives {times:.2f} times as much, {'5 to 10' if ratio == 5 else 'at least 5'}"))

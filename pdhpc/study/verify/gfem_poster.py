@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pdhpc.parallel.comm import largest, world
+from pdhpc.parallel.comm import world
 from pdhpc.scene.build import build
 from pdhpc.scene.read import parse_scene
 from pdhpc.study.verify.case import Check, at_most, case
@@ -13,8 +13,7 @@ from pdhpc.study.verify.gfem_plate import coupled_problem
 from pdhpc.study.verify.mts import field_by_id
 
 _SOURCE = "prototype"
-_CELL, _H, _K = 0.25, 0.05, 4
-_END = 1.42  # s
+_CELL = 0.25
 _TEXT = """
 dimension = "plane_stress"
 [particles]
@@ -53,7 +52,7 @@ value = [0.0, -{load}]
 [damage]
 no_fail = ["above", "below"]
 [time]
-end = {end}
+end = 10.0
 [output]
 pictures = false
 """
@@ -62,49 +61,90 @@ pictures = false
 class Split(NamedTuple):
     """What became of the square.
 
-    error (n_steps,), relative L2, of the displacement after each step. broken bonds, and those of particles alone: reference. selected (25, 2) bool, enriched vertices, x slowest,
-    by component, after the last step. counts [(x, y)] of displacements after each step. condition : of the mass matrix, largest of all steps. size : largest displacement, m.
+    error (n_steps,), relative L2, of the displacement after each step. broken bonds, and those of particles alone: reference. counts [(x, y)], functions that enrich
+    the displacement in each step. condition : of the mass matrix, largest of all steps. size : largest displacement, m. stepper, as it is at the end.
     """
 
     error: np.ndarray
     broken: int
     reference: int
-    selected: np.ndarray
     counts: list
     condition: float
     size: float
+    stepper: object
 
 
-def _run(scheme, tolerance, load=0.1, strength=0.03, cells=()):
-    """Return the Split of particles everywhere by a scheme against particles alone; a run that has blown up ends there. Collective."""
-    comm, text = world(), _TEXT.format(load=load, strength=strength, end=_END)
+def split(scheme, tolerance, steps=(8, 4, 0.75), load=0.1, strength=0.03):
+    """Return the Split of particles everywhere by a scheme against particles alone; a run that has blown up ends there. Collective.
+
+    steps : number of steps, sub-steps k, and these over sqrt(2 rho / sum c beta V/|xi|), a bound on the critical step that knows no directions.
+    """
+    comm, text = world(), _TEXT.format(load=load, strength=strength)
     alone = build(parse_scene(text, "verification scene"), comm)
-    alone.dt = 0.75 * math.sqrt(0.5) * alone.critical_dt
-    dt = _K * alone.dt
-    settings = ["model=gfem", "gfem.everywhere=true", f"gfem.scheme={scheme}", f"time.dt={dt!r}"]
+    n_steps, k, share_of_bound = steps
+    alone.dt = share_of_bound * math.sqrt(0.5) * alone.critical_dt
+    settings = ["model=gfem", "gfem.everywhere=true", f"gfem.scheme={scheme}", f"time.dt={k * alone.dt!r}"]
     settings += [f"gfem.tolerance={tolerance}"] if tolerance is not None else []
     settings += ["time.allow_unstable=true"] if scheme == "instant" else []
-    stepper, full = coupled_problem(text, _CELL, _K, settings).stepper(), alone.stepper()
+    stepper, full = coupled_problem(text, _CELL, k, settings).stepper(), alone.stepper()
     error, counts, condition, size = [], [], 1.0, 0.0
-    for _ in range(int(round(_END / dt))):
+    while len(error) < n_steps and size < 1e3:
         stepper.advance()
-        for _ in range(_K):
+        for _ in range(k):
             full.advance()
         stepper.view.prepare()
         u, expected = (field_by_id(each.view, each.view.field("displacement"), comm) for each in (stepper, full))
         error.append(float(np.linalg.norm(u - expected) / np.linalg.norm(expected)))
         size = float(np.abs(u).max())
-        if not size < 1e3:
-            break
         counts.append(tuple(comm.allreduce(np.asarray(stepper.scheme.enriched[0])).tolist()))
-        condition = max(condition, stepper.scheme.mass.condition())
-    return Split(np.array(error), comm.allreduce(stepper.broken) // 2, comm.allreduce(full.broken) // 2, _selected(stepper), counts, condition, size)
+        condition = max(condition, stepper.scheme.mass.condition() if size < 1.0 else 1.0)
+    return Split(np.array(error), comm.allreduce(stepper.broken) // 2, comm.allreduce(full.broken) // 2, counts, condition, size, stepper)
 
 
-def _selected(stepper):
-    """Return (25, 2) bool, the enriched functions by vertex and component, on every rank. Collective."""
-    mesh, selected = stepper.solution.mesh, np.zeros((25, 2), int)
-    mine = getattr(stepper.scheme.mass, "selected", None)
-    if mine is not None:
-        selected[mesh.vertex_id[: mesh.n_owned]] = mine[: mesh.n_owned]
+def enriched_by_displacement(stepper, tolerance):
+    """Return (25, 2) bool, x slowest: the vertices whose patches the displacement itself enriches, by component, on every rank. Collective."""
+    mesh, space, particles = stepper.solution.mesh, stepper.scheme.mass, stepper.local.subdomain.particles
+    space.select(np.ascontiguousarray(particles.position[stepper.local.points.slots]), tolerance)
+    selected = np.zeros((25, 2), int)
+    selected[mesh.vertex_id[: mesh.n_owned]] = space.selected[: mesh.n_owned]
     return world().allreduce(selected) > 0
+
+
+@case
+def gfem_poster():
+    """The poster's square at k = 4: errors against particles alone with and without a tolerance, and the mass matrix"""
+    checks = []
+    for tolerance, bound in ((0.05, 0.2), (0.0, 1e-6)):
+        found = split("galerkin", tolerance)
+        counts = f"functions in x, y by step {', '.join(f'{x}+{y}' for x, y in found.counts)}; {found.broken} bonds break, {found.reference} of particles alone"
+        checks.append(at_most(f"tolerance {tolerance}: largest error after the second step ({counts})", found.error[2:].max(), bound, _SOURCE))
+        checks.append(share(1.0 < found.condition < 1e3, f"tolerance {tolerance}: condition number of the scaled, centred mass matrix {found.condition:.0f}, less than 1000"))
+        checks.append(share(found.reference > 300, "bonds break", "a case that tests something"))
+    return checks
+
+
+@case
+def gfem_poster_functions():
+    """The poster's square in 20 steps of 5: which vertices its displacement enriches at tolerance 0.05"""
+    found = split("galerkin", 0.05, (20, 5, 0.35), 0.2, 0.045)
+    chosen = enriched_by_displacement(found.stepper, 0.05)
+    by_place = chosen.reshape(5, 5, 2)
+    x, y = chosen.sum(axis=0)
+    spared = not by_place[-1].any() and not by_place[:, [0, -1]].any()
+    counts = ", ".join(f"{a}+{b}" for a, b in found.counts[-3:])
+    return [
+        Check("vertices enriched in x", x, 9, 0.0, _SOURCE),
+        Check("vertices enriched in y", y, 10, 1.0, _SOURCE, relative=False),
+        share(spared, "the right column and the outer rows stay standard"),
+        at_most(f"error of the displacement at the end (functions that enriched the last increments: {counts})", found.error[-1], 0.2, _SOURCE),
+    ]
+
+
+@case
+def gfem_instant():
+    """The force of the step's end in the place of its mean, k = 4, must blow up where the mean does not"""
+    wrong, right = split("instant", 0.05, (12, 4, 0.75)), split("galerkin", 0.05, (12, 4, 0.75))
+    return [
+        share(not wrong.error[-1] < 10.0, f"control, instant: error {wrong.error[-1]:.1e} after {len(wrong.error)} steps exceeds 10"),
+        at_most("galerkin, the same steps", right.error[-1], 0.2, _SOURCE),
+    ]
