@@ -166,8 +166,21 @@ class CoupledStep:
         self.solution.evaluate(self.time)
         return found
 
+    def resume(self):
+        """Bring everything that follows from the state up to date, after a state was put in. Collective."""
+        solution, particles = self.solution, self.local.subdomain.particles
+        solution.refresh("displacement", "velocity", "acceleration", "previous_acceleration")
+        solution.first = self.step == 0
+        kept = [(field, particles.owned(field).copy()) for field in (particles.position, particles.velocity)]
+        self.follow()
+        for field, values in kept:  # of particles that the mesh has just given its own
+            particles.put(field, values)
+        self.local.refresh()
+        self.scheme.settle()
+        solution.evaluate(self.time)
+
     def state(self):
-        """Return {key: (getter, setter)} of everything a continued run needs."""
+        """Return {key: (getter, setter)} of everything a continued run needs; after the last setter, `resume`."""
         solution, mesh, particles = self.solution, self.solution.mesh, self.local.subdomain.particles
         n = mesh.n_owned
         state = {"step": (lambda: self.step, lambda value: setattr(self, "step", int(value)))}
@@ -178,6 +191,8 @@ class CoupledStep:
             state[f"particles/{name}"] = (lambda name=name: particles.owned(getattr(particles, name)), lambda value, name=name: particles.put(getattr(particles, name), value))
         alive = self.local.subdomain.bonds.arrays.alive
         state["alive"] = (lambda: alive, lambda value: np.copyto(alive, value))
+        state["scheme/lost"] = (lambda: self.scheme.lost, lambda value: setattr(self.scheme, "lost", float(value)))
+        state["work/particle_loads"] = (lambda: self.local.external_work().sum(), lambda value: setattr(self.local, "load_work", float(value)))
         return {**state, **solution.work_state()}
 
     def _timed(self, name):
