@@ -168,8 +168,25 @@ class CoupledStep:
         self.solution.evaluate(self.time)
         return found
 
+    def resume(self):
+        """Bring everything that follows from the state up to date, after a state was put in. Collective."""
+        solution, particles = self.solution, self.local.subdomain.particles
+        solution.refresh("displacement", "velocity", "acceleration", "previous_acceleration")
+        solution.first = self.step == 0
+        kept = [(field, particles.owned(field).copy()) for field in (particles.position, particles.velocity)]
+        self.follow()
+        for field, values in kept:  # of particles that the mesh has just given its own
+            particles.put(field, values)
+        self.local.refresh()
+        self.scheme.settle()
+        solution.evaluate(self.time)
+
     def state(self):
+<<<<<<< HEAD
         """Return {key: (getter, setter)} of everything a continued run needs; to be set in this order, then `resume`. Setting patches is collective."""
+=======
+        """Return {key: (getter, setter)} of everything a continued run needs; after the last setter, `resume`."""
+>>>>>>> 64d2c1de040114548c51c9875ece928ed8dac5d6
         solution, mesh, particles = self.solution, self.solution.mesh, self.local.subdomain.particles
         n = mesh.n_owned
         state = {"step": (lambda: self.step, self._go_to), "mesh/patches": (lambda: self.patches.chosen[:n], self._take_patches)}
@@ -179,6 +196,7 @@ class CoupledStep:
             state[f"particles/{name}"] = (lambda name=name: particles.owned(getattr(particles, name)), lambda value, name=name: particles.put(getattr(particles, name), value))
         alive = self.local.subdomain.bonds.arrays.alive
         state["alive"] = (lambda: alive, lambda value: np.copyto(alive, value))
+<<<<<<< HEAD
         return {**state, **solution.work_state(), **self.local.work_state()}
 
     def resume(self):
@@ -196,6 +214,11 @@ class CoupledStep:
         """Enrich what a stored state had enriched; what the particles of it are comes after. Collective."""
         self.patches.restore(chosen)
         self.follow()
+=======
+        state["scheme/lost"] = (lambda: self.scheme.lost, lambda value: setattr(self.scheme, "lost", float(value)))
+        state["work/particle_loads"] = (lambda: self.local.external_work().sum(), lambda value: setattr(self.local, "load_work", float(value)))
+        return {**state, **solution.work_state()}
+>>>>>>> 64d2c1de040114548c51c9875ece928ed8dac5d6
 
     def _timed(self, name):
         return _Timer(self._stages, name)
