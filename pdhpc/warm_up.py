@@ -1,19 +1,13 @@
 """Compile the kernels of a run on a tiny body, so that one process per node fills the cache before the others read it."""
-import contextlib
 import itertools
 
 import numpy as np
 
 from pdhpc.conditions.loads import BodyForce, PrescribedMotion
 from pdhpc.conditions.time_functions import Constant
-from pdhpc.fem.critical_step import critical_step
-from pdhpc.fem.internal_forces import InternalForces as InternalForcesOfMesh
-from pdhpc.fem.internal_forces import make_sweep
-from pdhpc.fem.nodes import Nodes
 from pdhpc.geometry.cracks import disk, polyline
 from pdhpc.geometry.lattice import LatticeBody, find_common_lattice
 from pdhpc.geometry.shapes import Box
-from pdhpc.gfem.display import displayed
 from pdhpc.kernels import motion, shared
 from pdhpc.kernels.bond_states import count_face, foremost_damaged
 from pdhpc.kernels.neighbours import count_neighbours
@@ -27,7 +21,6 @@ from pdhpc.mts.interface_operator import Exact, Polynomial
 from pdhpc.mts.strip import LinearForces, Strip
 from pdhpc.parallel.comm import compile_exact_sum
 from pdhpc.parallel.ghosts import compile_messages
-from pdhpc.parallel.linear_solver import SolverError
 from pdhpc.parallel.partition import Partition
 from pdhpc.peridynamics.bonds import cut_by_cracks
 from pdhpc.peridynamics.critical_step import stable_step
@@ -35,8 +28,6 @@ from pdhpc.peridynamics.fields import field, strain_energy_density
 from pdhpc.peridynamics.internal_forces import InternalForces
 from pdhpc.peridynamics.lattice_subdomain import make_lattice_subdomain, sample_lattice
 from pdhpc.peridynamics.subdomain import make_subdomain, mark_mixed
-from pdhpc.scene.build import build
-from pdhpc.scene.read import parse_scene
 
 PATHS, MODELS = ("lattice", "cloud"), ("pmb", "lps")
 
@@ -113,141 +104,6 @@ def compile_coupling(dim, path, model, linear):
     for name in ("stress", "strain"):
         field(name, subdomain, law)
     compile_messages(np.zeros((1, dim)), np.zeros((1, 1), np.uint64), np.zeros((1, dim + 1))[:, :dim], np.zeros((dim, 1)).T)
-
-
-MESH = """
-model = "fem"
-dimension = "{dimension}"
-[mesh]
-cell_size = 1.0
-[fem]
-integration = "{integration}"
-partition_of_unity = "{partition_of_unity}"
-[[material]]
-name = "m"
-model = "elastic"
-density = 1.0
-youngs_modulus = 1.0
-poissons_ratio = 0.3
-[[body]]
-name = "b"
-material = "m"
-shape = "box"
-lower = {lower}
-upper = {upper}
-[[region]]
-name = "low"
-shape = "half_space"
-point = {near}
-normal = {down}
-[[region]]
-name = "high"
-shape = "half_space"
-point = {far}
-normal = {up}
-[[load]]
-type = "displacement"
-region = "low"
-value = {lower}
-[[load]]
-type = "gravity"
-value = {up}
-[[load]]
-type = "traction"
-region = "high"
-face = "+x"
-value = {up}
-[time]
-end = 1.0
-"""
-
-
-def compile_mesh(scene):
-    """Call every kernel of a run of finite elements once, on a small box. Local."""
-    from mpi4py import MPI
-
-    zero, one = [0.0] * scene.dim, [1.0] + [0.0] * (scene.dim - 1)
-    text = MESH.format(dimension=scene.dimension, integration=scene.fem.integration, partition_of_unity=scene.fem.partition_of_unity, lower=zero,
-                       upper=[4.0] * scene.dim, near=[0.1] + zero[1:], down=[-1.0] + zero[1:], far=[3.9] + zero[1:], up=one)
-    problem = build(parse_scene(text, "warm-up"), MPI.COMM_SELF)
-    with contextlib.suppress(SolverError):  # whether the scene's own system is solved the run will see
-        stepper = problem.stepper()
-        stepper.advance()
-        stepper.ledger()
-        stepper.view.prepare()
-        for name in ("stress", "strain", "force_density"):
-            stepper.view.field(name)
-    compile_exact_sum()
-    if scene.from_file and scene.fem.integration == "explicit":
-        nodes, stiffness = Nodes(problem.body.mesh, False), problem.elasticity.stiffness()
-        nodes.set_mass(problem.elasticity.lumped_mass(nodes.stars))
-        critical_step(problem.elasticity, stiffness, nodes, InternalForcesOfMesh(nodes, make_sweep(nodes, stiffness)))
-
-
-ENRICHED = """
-model = "gfem"
-dimension = "{dimension}"
-[particles]
-spacing = 1.0
-horizon = 3.0
-kinematics = "linear"
-[mesh]
-cell_size = 4.0
-[gfem]
-scheme = "{scheme}"
-{tolerance}
-[[material]]
-name = "m"
-density = 1.0
-youngs_modulus = 1.0
-critical_stretch = 1e-2
-[[body]]
-name = "b"
-material = "m"
-shape = "box"
-lower = [0.0, 0.0]
-upper = [32.0, 16.0]
-[[crack]]
-type = "polyline"
-points = [[-1.0, 8.0], [5.0, 8.0]]
-[[region]]
-name = "right"
-shape = "half_space"
-point = [31.0, 0.0]
-normal = [1.0, 0.0]
-[[load]]
-type = "displacement"
-region = "right"
-value = [0.0, "free"]
-[[load]]
-type = "gravity"
-value = [0.0, 1e-3]
-[[initial]]
-velocity_gradient = [[0.0, 0.0], [0.0, 1e-2]]
-origin = [0.0, 8.0]
-[time]
-end = 1.0
-dt = 0.5
-"""
-
-
-def compile_enrichment(scene):
-    """Call every kernel of a run of elements and particles once, on a small plate with a crack and with the scene's scheme. Local."""
-    from mpi4py import MPI
-
-    tolerance = "" if scene.gfem.scheme == "pinned" else "tolerance = 0.0"
-    problem = build(parse_scene(ENRICHED.format(dimension=scene.dimension, scheme=scene.gfem.scheme, tolerance=tolerance), "warm-up"), MPI.COMM_SELF)
-    stepper, comm = problem.stepper(), MPI.COMM_SELF
-    stepper.advance()
-    displayed(comm, stepper)
-    problem.coupling(stepper, comm).read(stepper)
-    view = stepper.view
-    view.prepare()
-    for name in ("displacement", "velocity", "force_density", "stress", "strain", "strain_energy_density", "damage"):
-        view.field(name)
-    view.first_not_finite()
-    view.foremost(np.arange(view.n), view.places()[:, 0], 0.5)
-    compile_messages(np.zeros((2, 2)), np.zeros((2, 2)).T, np.zeros((2, 1)), np.zeros((2, 1), np.int64))
 
 
 class NoExchange:

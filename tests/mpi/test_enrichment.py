@@ -75,7 +75,8 @@ def test_coupled_run_is_the_same_on_any_number_of_ranks(comm, pulled_plate, sche
         at_particles = {int(i): value for i, value in zip(particles.id[: particles.n_owned][inside], u[inside])}
         at_vertices = dict(zip(parts.mesh.vertex_id[:n].tolist(), parts.solution.displacement[:n]))
         found_by = stepper.scheme
-        numbers = [ranks.allreduce(stepper.broken), *ranks.allreduce(found_by.enriched[0]), ranks.allreduce(found_by.lost), getattr(found_by, "critical_dt", 0.0)]
+        numbers = [ranks.allreduce(stepper.broken), *ranks.allreduce(found_by.enriched[0]), ranks.allreduce(found_by.lost)]
+        numbers.append(getattr(found_by, "critical_dt", 0.0))
         found.append((at_particles, at_vertices, numbers))
     (particles, vertices, numbers), (all_particles, all_vertices, expected) = found
     scale = max(np.abs(value).max() for value in all_vertices.values())

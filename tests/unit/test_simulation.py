@@ -111,7 +111,8 @@ def test_damage_in_the_overlap_is_reported(comm):
 @pytest.mark.parametrize("integration", ("explicit", "newmark", "static"))
 def test_a_mesh_leaves_what_particles_do(tmp_path, comm, integration):
     fields = 'output.fields=["displacement", "velocity", "stress", "strain", "strain_energy_density", "force_density", "damage"]'
-    scene = parse_scene(FEM + HELD + POINT + GRIP, "t", [f"fem.integration={integration}", "output.frames=1", fields, "material.m.critical_stretch=0.1"])
+    overrides = [f"fem.integration={integration}", "output.frames=1", fields, "material.m.critical_stretch=0.1", "time.end=10.0"]
+    scene = parse_scene(FEM + HELD + POINT + GRIP, "t", overrides)
     record = Simulation(scene, comm).run(tmp_path / "out", quiet=True)
     assert json.loads((tmp_path / "out" / "run.json").read_text())["status"] == record["status"] == "done"
     assert (record["cells"], record["vertices"], record["dofs"], record["cell_kind"], record["broken_bonds"]) == (200, 231, 462, "quad", 0)

@@ -4,10 +4,7 @@ import sys
 import numpy as np
 import pytest
 
-from pdhpc.gfem.schemes import NAMES
 from pdhpc.warm_up import MODELS, PATHS, block, compile_kernels
-from tests.unit.scene.test_elastic import GRIP, HELD, POINT
-from tests.unit.scene.test_mesh_rules import FEM
 
 
 @pytest.mark.parametrize("path", PATHS)
@@ -29,7 +26,7 @@ from numba.core.dispatcher import Dispatcher
 from mpi4py import MPI
 from pdhpc import simulation
 from pdhpc.scene.read import read_scene
-from pdhpc.warm_up import compile_coupling, compile_kernels, compile_mesh
+from pdhpc.warm_up import compile_coupling, compile_kernels
 
 def compiled():
     found = set()
@@ -65,50 +62,5 @@ def test_a_run_compiles_nothing_that_the_warm_up_left_out(path, name, model, sho
     (tmp_path / name).write_text(text)
     command = [sys.executable, "-c", WATCH, path, model, str(tmp_path / name), str(tmp_path / "out")]
     done = subprocess.run(command, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout == ""
-
-
-WATCH_MESH = WATCH[: WATCH.index("path, model, scene")] + """
-scene = read_scene(sys.argv[1], ["output.pictures=false"])
-compile_mesh(scene)
-before = compiled()
-simulation._compile_first_on_each_node = lambda *arguments: None
-simulation.Simulation(scene, MPI.COMM_SELF).run(sys.argv[2], quiet=True)
-assert len(before) > 5
-for each in sorted(compiled() - before):
-    print(*each)
-"""
-
-
-@pytest.mark.parametrize("integration", ("explicit", "newmark", "static"))
-def test_a_mesh_compiles_nothing_that_the_warm_up_left_out(tmp_path, integration):
-    (tmp_path / "s.toml").write_text(FEM + HELD + POINT + GRIP + f'[fem]\nintegration = "{integration}"\n')
-    done = subprocess.run([sys.executable, "-c", WATCH_MESH, str(tmp_path / "s.toml"), str(tmp_path / "out")], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout == ""
-
-
-WATCH_ENRICHED = WATCH[: WATCH.index("path, model, scene")] + """
-scene = read_scene(sys.argv[1], ["output.pictures=false", "time.dt=2e-5"])
-simulation._compile(scene)
-before = compiled()
-simulation._compile_first_on_each_node = lambda *arguments: None
-simulation.Simulation(scene, MPI.COMM_SELF).run(sys.argv[2], quiet=True)
-assert len(before) > 50
-for each in sorted(compiled() - before):
-    print(*each)
-"""
-
-
-@pytest.mark.parametrize("scheme", NAMES)
-def test_an_enriched_run_compiles_nothing_that_the_warm_up_left_out(tmp_path, request, scheme):
-    text = (request.path.parent / "scene" / "everything_gfem.toml").read_text()
-    changes = [("end = 1e-3", "end = 1e-4"), ('scheme = "galerkin"', f'scheme = "{scheme}"')] + [("tolerance = 0.05\n", "")] * (scheme == "pinned")
-    for old, new in changes:
-        assert old in text
-        text = text.replace(old, new)
-    (tmp_path / "s.toml").write_text(text)
-    done = subprocess.run([sys.executable, "-c", WATCH_ENRICHED, str(tmp_path / "s.toml"), str(tmp_path / "out")], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert done.stdout == ""
