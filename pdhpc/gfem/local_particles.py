@@ -111,7 +111,7 @@ class LocalParticles:
         mark_rows(slots, self._status, self._inverse_density, self._swept)
         self.rows = rows_with(self._swept, WHOLE, MIXED)
         self.moving = rows_with(self._swept, MOVING, 0)
-        self.blended = Blended(rows_with(self._swept, MIXED, 0), self.lattice.shape, self.lattice.mesh.dim)
+        self.blended = Blended(rows_with(self._swept, MIXED, 0), self.lattice.padded, self.lattice.mesh.dim)
         by_slot = self._status, self._cell, self._number, self.alpha, self.inside, self._block
         take_lanes(self.blended.rows, *by_slot, self.density, *self.blended.lanes)
 
@@ -166,7 +166,8 @@ class LocalParticles:
     def add_loads_to_sums(self, k):
         """Add what loads on blended particles did in the k sub-steps of the last run to their impulses and moments. Local."""
         for load in self.acting_on_lanes:
-            load.add_to(self.blended, *sub_step_sums(load.time_function, self.start, self.tau, k))
+            if load.count:
+                load.add_to(self.blended, *sub_step_sums(load.time_function, self.start, self.tau, k))
 
     def refresh(self):
         """Bring the positions of moving ghosts up to date. Collective over neighbours."""
