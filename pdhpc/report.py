@@ -84,6 +84,8 @@ def print_check(scene, ranks):
     """Print what a scene would do: particles and bonds, or cells and vertices, steps, memory, time."""
     if scene.model == "fem":
         return _print_mesh_check(scene, ranks)
+    if scene.model == "gfem":
+        return _print_coupled_check(scene, ranks)
     from pdhpc.study.estimate import estimate
 
     found = estimate(scene, ranks)
@@ -124,6 +126,31 @@ def _print_mesh_check(scene, ranks):
         ("ranks", str(found.ranks)),
         ("memory per rank", f"about {_size(found.memory)}"),
         ("estimated time", f"about {_duration(found.seconds)} (a step at {found.rate / 1e6:.3g} million cells per second and core, measured now)"),
+    ])
+    for warning in found.warnings:
+        print(f"warning: {warning}")
+
+
+def _print_coupled_check(scene, ranks):
+    """Print what a scene of finite elements enriched by particles would do."""
+    from pdhpc.study.coupled_estimate import estimate_coupled
+
+    found = estimate_coupled(scene, ranks)
+    about = "" if found.exact else "about "
+    print_rows([
+        ("scene", scene.title or scene.source),
+        ("cells, vertices", f"{about}{found.cells:,}, {about}{found.vertices:,}"),
+        ("lattice", f"{found.particles:,} particles, {found.ratio} to the side of a cell"),
+        *(("critical stretch", f"{material}: {text}") for material, text in found.critical_stretch),
+        ("scheme, moduli", f"{scene.gfem.scheme}, {scene.moduli}"),
+        ("patches at the start", f"{about}{found.patches:,} vertices, {about}{found.active:,} particles move by themselves ({found.active / max(found.particles, 1):.1%})"),
+        ("critical step", f"{found.critical_dt:.6g} s (2 / omega_max of the lumped mesh, by Lanczos; 0.8 of it at most)"),
+        ("step", f"{found.dt:.6g} s ({found.dt / found.critical_dt:.3f} of the critical one), {found.sub_steps} sub-steps of the particles"),
+        ("sub-step", f"{found.dt / found.sub_steps:.6g} s (critical {found.particle_critical_dt:.6g} s: sqrt(2 rho / |A|), a lower bound)"),
+        ("steps", f"{found.steps:,}"),
+        ("ranks", str(found.ranks)),
+        ("memory per rank", f"about {_size(found.memory)}"),
+        ("estimated time", f"about {_duration(found.seconds)} if no patch were added"),
     ])
     for warning in found.warnings:
         print(f"warning: {warning}")

@@ -200,17 +200,18 @@ def _compile_first_on_each_node(comm, scene):
         start_petsc()
     node = comm.Split_type(MPI.COMM_TYPE_SHARED)
     if node.rank == 0:
-        _compile(scene)
+        _compile(scene, MPI.COMM_SELF)
     node.Barrier()
     node.Free()
 
 
-def _compile(scene):
-    """Compile the kernels that a scene uses. Local."""
-    from pdhpc.warm_up import compile_coupling, compile_kernels, compile_mesh
+def _compile(scene, comm):
+    """Compile the kernels that a scene uses; comm : of this process alone. Local."""
+    from pdhpc.scene.mesh_warm_up import compile_coupled, compile_mesh
+    from pdhpc.warm_up import compile_coupling, compile_kernels
 
-    if scene.model == "fem":
-        compile_mesh(scene)
+    if scene.uses_mesh:
+        (compile_mesh if scene.model == "fem" else compile_coupled)(scene, comm)
     if scene.uses_lattice:
         path, model, linear = make_body(scene).path.split(":")[0], scene.material[0].model, scene.particles.kinematics == "linear"
         compile_kernels((scene.dim,), (path,), (model,), (linear,))

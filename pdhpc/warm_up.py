@@ -5,10 +5,6 @@ import numpy as np
 
 from pdhpc.conditions.loads import BodyForce, PrescribedMotion
 from pdhpc.conditions.time_functions import Constant
-from pdhpc.fem.critical_step import critical_step
-from pdhpc.fem.internal_forces import InternalForces as InternalForcesOfMesh
-from pdhpc.fem.internal_forces import make_sweep
-from pdhpc.fem.nodes import Nodes
 from pdhpc.geometry.cracks import disk, polyline
 from pdhpc.geometry.lattice import LatticeBody, find_common_lattice
 from pdhpc.geometry.shapes import Box
@@ -32,8 +28,6 @@ from pdhpc.peridynamics.fields import field, strain_energy_density
 from pdhpc.peridynamics.internal_forces import InternalForces
 from pdhpc.peridynamics.lattice_subdomain import make_lattice_subdomain, sample_lattice
 from pdhpc.peridynamics.subdomain import make_subdomain, mark_mixed
-from pdhpc.scene.build import build
-from pdhpc.scene.read import parse_scene
 
 PATHS, MODELS = ("lattice", "cloud"), ("pmb", "lps")
 
@@ -110,74 +104,6 @@ def compile_coupling(dim, path, model, linear):
     for name in ("stress", "strain"):
         field(name, subdomain, law)
     compile_messages(np.zeros((1, dim)), np.zeros((1, 1), np.uint64), np.zeros((1, dim + 1))[:, :dim], np.zeros((dim, 1)).T)
-
-
-MESH = """
-model = "fem"
-dimension = "{dimension}"
-[mesh]
-cell_size = 1.0
-[fem]
-integration = "{integration}"
-partition_of_unity = "{partition_of_unity}"
-[[material]]
-name = "m"
-model = "elastic"
-density = 1.0
-youngs_modulus = 1.0
-poissons_ratio = 0.3
-[[body]]
-name = "b"
-material = "m"
-shape = "box"
-lower = {lower}
-upper = {upper}
-[[region]]
-name = "low"
-shape = "half_space"
-point = {near}
-normal = {down}
-[[region]]
-name = "high"
-shape = "half_space"
-point = {far}
-normal = {up}
-[[load]]
-type = "displacement"
-region = "low"
-value = {lower}
-[[load]]
-type = "gravity"
-value = {up}
-[[load]]
-type = "traction"
-region = "high"
-face = "+x"
-value = {up}
-[time]
-end = 1.0
-"""
-
-
-def compile_mesh(scene):
-    """Call every kernel of a run of finite elements once, on a small box. Local."""
-    from mpi4py import MPI
-
-    zero, one = [0.0] * scene.dim, [1.0] + [0.0] * (scene.dim - 1)
-    text = MESH.format(dimension=scene.dimension, integration=scene.fem.integration, partition_of_unity=scene.fem.partition_of_unity, lower=zero,
-                       upper=[4.0] * scene.dim, near=[0.1] + zero[1:], down=[-1.0] + zero[1:], far=[3.9] + zero[1:], up=one)
-    problem = build(parse_scene(text, "warm-up"), MPI.COMM_SELF)
-    stepper = problem.stepper()
-    stepper.advance()
-    stepper.ledger()
-    stepper.view.prepare()
-    for name in ("stress", "strain", "force_density"):
-        stepper.view.field(name)
-    compile_exact_sum()
-    if scene.from_file and scene.fem.integration == "explicit":
-        nodes, stiffness = Nodes(problem.body.mesh, False), problem.elasticity.stiffness()
-        nodes.set_mass(problem.elasticity.lumped_mass(nodes.stars))
-        critical_step(problem.elasticity, stiffness, nodes, InternalForcesOfMesh(nodes, make_sweep(nodes, stiffness)))
 
 
 class NoExchange:

@@ -106,9 +106,9 @@ def _cracked_box(comm, counts=(6, 4), ratio=4, inside=None):
 
 
 @pytest.fixture
-def coupled_plate():
-    """Function that makes a small plate with a crack, coupled by a scheme, see _coupled_plate."""
-    return _coupled_plate
+def pulled_plate():
+    """Function that makes a small plate with a crack, coupled by a scheme, see _pulled_plate."""
+    return _pulled_plate
 
 
 _PLATE = """
@@ -151,7 +151,7 @@ end = 1.0
 """
 
 
-def _coupled_plate(comm, scheme, tolerance=0.02, steps=(3.0, 4), everywhere=False):
+def _pulled_plate(comm, scheme, tolerance=0.02, steps=(3.0, 4), everywhere=False):
     """Return (CoupledParts, CoupledStep) of a plate of 60 x 30 particles of mass 1 in cells of 5 x 5, which its top edge pulls upwards.
 
     scheme : by name, tolerance : of the patch residual; steps : (dt, k); comparators do not refuse their step.

@@ -10,7 +10,8 @@ class Element:
     Attributes
     ----------
     kind : its name in ELEMENTS. dim : 1, 2 or 3. corners : their number. places (corners, dim) : reference coordinates of the corners.
-    facets (n_facets, facet corners) : corners of each facet, outward as in facets.FACETS. facet : kind of a facet. gauss : (points (n, dim), weights (n,)) that integrate stiffness and mass, exactly where the map from the reference is linear.
+    facets (n_facets, facet corners) : corners of each facet, outward as in facets.FACETS. facet : kind of a facet. gauss : (points (n, dim), weights (n,))
+    that integrate stiffness and mass, exactly where the map from the reference is linear.
     """
 
     def __init__(self, kind, places, facets, facet):
@@ -46,7 +47,7 @@ class Element:
         return np.where(self.places == 1.0, xi[:, None, :], 1.0 - xi[:, None, :])
 
     def quadrature(self, n):
-        """Return (points (n^dim, dim), weights (n^dim,)) exact for polynomials of degree 2 n - 1, by axis (simplices: in all, less one for each axis after the first)."""
+        """Return (points (n^dim, dim), weights (n^dim,)), exact for polynomials of degree 2 n - 1 by axis; of simplices for degree 2 n - dim in all."""
         x, w = np.polynomial.legendre.leggauss(n)
         grid = np.meshgrid(*[0.5 * (x + 1)] * self.dim, indexing="ij")
         points = np.stack([each.ravel() for each in grid], axis=1)

@@ -88,7 +88,7 @@ class FlatTop:
         return np.concatenate([mesh.points @ gradient.T + shift, np.tile(slopes.ravel(), (len(mesh.points), 1))], axis=1)
 
     def held_functions(self, across):
-        """Return (n, functions) bool: which functions a prescribed displacement holds at vertices on facets; across (n, dim) bool: normal to which axes these are.
+        """Return (n, functions) bool: which functions a displacement prescribed on facets holds; across (n, dim) bool: normal to which axes these are.
 
         On a facet across axis k u depends on the constants and on the slopes along the facet alone.
         """

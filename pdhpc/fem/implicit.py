@@ -9,7 +9,8 @@ from pdhpc.fem.explicit import rows_of
 class Implicit:
     """A stepper whose steps solve linear systems with the stiffness of a mesh.
 
-    External forces P are the loads at free components and what the supports need, K u + M a, at prescribed ones; over a step they do the work (P + P') . du / 2.
+    External forces P are the loads at free components and what the supports need, K u + M a, at prescribed ones; over a step they
+    do the work (P + P') . du / 2.
 
     Attributes
     ----------

@@ -1,7 +1,7 @@
-"""Internal forces -K u of owned vertices, summed over all cells around each in ascending id: the same bits on any number of ranks, and no message but ghosts' u.
+"""Internal forces -K u of owned vertices, summed over all cells around each in ascending id: the same bits on any number of ranks.
 
-On a box of cells with few different surroundings of vertices a stencil of assembled blocks does it; elsewhere cells are multiplied one by one and vertices gather.
-Which of the two is chosen is agreed on by all ranks. What needs no ghost is done while messages travel.
+On a box of cells with few different surroundings of vertices a stencil of assembled blocks does it; elsewhere cells are multiplied one by one and vertices
+gather. All ranks agree on which of the two it is. What needs no ghost is done while messages travel.
 """
 import time
 
@@ -30,7 +30,10 @@ def make_sweep(nodes, matrices):
 
 
 def _surroundings(nodes, matrices):
-    """Return (codes of all ranks, ascending; code (n_owned,)): which matrix stands at each corner of a vertex, as digits; None if there are too many. Collective."""
+    """Return (codes of all ranks, ascending; code (n_owned,)): which matrix stands at each corner of a vertex, as digits.
+
+    None if there are too many. Collective.
+    """
     mesh, corners = nodes.mesh, nodes.mesh.cells.shape[1]
     digits = int(largest(mesh.comm, len(matrices.table))) + 1
     few = digits**corners < 2**62

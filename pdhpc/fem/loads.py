@@ -49,7 +49,7 @@ def vertices_of(mesh, facets):
 
 
 def traction_loads(body, facets, cell, traction):
-    """Return (n_owned, width), N: integrals of traction times each function over facets. Collective over the mesh's ranks; sums have the same bits on any number.
+    """Return (n_owned, width), N: integrals of traction times each function over facets, to the same bits on any number of ranks. Collective over them.
 
     Parameters
     ----------

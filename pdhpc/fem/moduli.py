@@ -1,4 +1,4 @@
-"""Elastic moduli as matrices of Voigt's notation: strains and stresses are (xx, yy, xy) in 2D and (xx, yy, zz, yz, xz, xy) in 3D, shear strains engineering ones."""
+"""Elastic moduli as matrices of Voigt's notation: (xx, yy, xy) in 2D and (xx, yy, zz, yz, xz, xy) in 3D, shear strains doubled."""
 import numpy as np
 
 PAIRS = {2: ((0, 0), (1, 1), (0, 1)), 3: ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))}

@@ -13,7 +13,9 @@ DEFAULTS = Defaults("cg", 1e-10, 500, "gamg")
 class Newmark(Implicit):
     """M u'' = F(t) - K u with the consistent mass, beta = 1/4, gamma = 1/2:
 
-        u* = u_n + dt v_n + dt^2/4 a_n,  v* = v_n + dt/2 a_n;  (M + dt^2/4 K) a_{n+1} = F(t_{n+1}) - K u*;  u_{n+1} = u* + dt^2/4 a_{n+1},  v_{n+1} = v* + dt/2 a_{n+1}
+        u* = u_n + dt v_n + dt^2/4 a_n,  v* = v_n + dt/2 a_n
+        (M + dt^2/4 K) a_{n+1} = F(t_{n+1}) - K u*
+        u_{n+1} = u* + dt^2/4 a_{n+1},  v_{n+1} = v* + dt/2 a_{n+1}
 
     Prescribed components have the displacement and velocity of their motion, and the difference of its velocity over the step around t as acceleration. The
     energy balance closes to the KSP's tolerance while these rest, else to order dt^2. KSP "gfem_", and "gfem_start_" for the first acceleration.

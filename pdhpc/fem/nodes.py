@@ -1,6 +1,6 @@
 """The vertices of one rank as carriers of fields: where each lies in arrays by slot, and what they hold.
 
-On a box of cells slots are a grid, padded, whose fastest axis is the longest one of the rank's share, so that vertices next to each other lie next to each other;
+On a box of cells slots are a grid, padded, whose fastest axis is the longest one of the rank's share, so that neighbours lie next to each other;
 on other meshes slots are the local numbers of vertices. Arrays hold a component of all slots together.
 """
 import numpy as np
@@ -22,7 +22,8 @@ class Nodes:
     ----------
     mesh : Mesh. dim : int. n_owned : int. slots (n_vertices,) int32 : where each local vertex lies. n_slots : a multiple of 8.
     width : unknowns per vertex, dim with hats.
-    displacement, velocity, force (n_slots, width), m, m/s, N : views of component by component storage. mass (n_slots,), kg, lumped; 0 at ghosts and where no vertex is.
+    displacement, velocity, force (n_slots, width), m, m/s, N : views of component by component storage. mass (n_slots,), kg, lumped; 0 at ghosts and where
+    no vertex is.
     exchange : GhostExchange of slots. stride (dim,) int64 : slots from a vertex to the next along each axis of a grid, else None.
     """
 

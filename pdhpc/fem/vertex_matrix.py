@@ -41,7 +41,7 @@ class VertexMatrix:
         return np.ascontiguousarray(np.diagonal(blocks, axis1=1, axis2=2))
 
     def rows(self, fixed):
-        """Return Rows whose fixed rows and columns hold the diagonal alone; fixed (n_vertices, width) bool, ghosts up to date. Collective over the mesh's ranks."""
+        """Return Rows whose fixed rows and columns hold the diagonal alone; fixed (n_vertices, width) bool, ghosts up to date. Collective."""
         size = len(self.column) * self.width**2
         start, columns, values = np.zeros(self.mesh.n_owned * self.width + 1, np.int64), np.empty(size, np.int64), np.empty(size)
         loops.scalar_rows(self.row_start, self.column, self.value, fixed, _global_numbers(self.mesh), start, columns, values)

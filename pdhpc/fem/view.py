@@ -19,7 +19,7 @@ class MeshView:
     carrier = "vertex"
 
     def __init__(self, body, nodes, forces):
-        """body : Elasticity. nodes : Nodes. forces : function -> (n_owned, dim), N, internal and external forces of owned vertices; maybe Collective. Collective."""
+        """body : Elasticity. nodes : Nodes. forces : function -> (n_owned, dim), N, all forces on owned vertices; maybe Collective. Collective."""
         self._body, self._nodes, self._forces = body, nodes, forces
         mesh = self._mesh = body.mesh
         self.ids, self.n, self.dim = mesh.vertex_id[: mesh.n_owned], mesh.n_owned, mesh.dim

@@ -14,6 +14,9 @@ from pdhpc.kernels.motion import kinetic_energies
 from pdhpc.parallel.comm import largest
 
 
+_SOON = 0.8  # of theta: cells strained beyond it join as soon as others do
+
+
 class CoupledStep:
     """A body on a mesh, with particles where it fails.
 
@@ -49,11 +52,11 @@ class CoupledStep:
         self.solve(eta)
 
     def choose_patches(self):
-        """Add the patches of cells that want particles."""
+        """Add the patches of cells that want particles, and with them those of cells that soon will: patches then grow in fewer, larger steps."""
         with self._timed("choose"):
-            wanted = self._wanting()
-            if largest(self.comm, int(wanted.any())) and largest(self.comm, self.patches.add(wanted)):
-                self.follow()
+            if largest(self.comm, int(self._wanting(self._activation).any())):
+                if largest(self.comm, self.patches.add(self._wanting(_SOON * self._activation))):
+                    self.follow()
 
     def seed_particles(self):
         """Start the particles from the global solution, which they hold, and tell the collar how it moves: a extrapolated to the middle of the step."""
@@ -85,6 +88,7 @@ class CoupledStep:
         enriched, whole = (cells[: self.solution.mesh.n_owned_cells] for cells in (self.patches.enriched, self.patches.whole))
         self.local.watch(enriched & ~whole)
         self._free = np.flatnonzero(~enriched & np.isfinite(self._limits)).astype(np.int32)
+        self._free_limits, self._strain = self._limits[self._free], np.empty(len(self._free))
         self.solution.evaluate(self.time)
 
     @property
@@ -102,14 +106,12 @@ class CoupledStep:
             limits[cells] = by_block[np.where(slots >= 0, self.local.original_block(slots), len(by_block) - 1)].min(axis=1)
         return limits
 
-    def _wanting(self):
-        """Return (n_owned_cells,) bool: cells on the ramp whose particles say so, and cells without particles whose strain does."""
-        mesh = self.solution.mesh
-        wanted = self.local.wanting(self._activation)
-        free = self._free
-        strain = np.empty(len(free))
+    def _wanting(self, share):
+        """Return (n_owned_cells,) bool: cells on the ramp whose particles are strained beyond a share of their limit or broken, cells without whose strain is."""
+        mesh, free, strain = self.solution.mesh, self._free, self._strain
+        wanted = self.local.wanting(share)
         largest_principal_strains(mesh.cells, free, self.local.lattice.corner_gradient, self.solution.displacement, strain)
-        wanted[free] = strain > self._activation * self._limits[free]
+        wanted[free] = strain > share * self._free_limits
         return wanted
 
     @property
@@ -166,34 +168,35 @@ class CoupledStep:
         self.solution.evaluate(self.time)
         return found
 
-    def resume(self):
-        """Bring everything that follows from the state up to date, after a state was put in. Collective."""
-        solution, particles = self.solution, self.local.subdomain.particles
-        solution.refresh("displacement", "velocity", "acceleration", "previous_acceleration")
-        solution.first = self.step == 0
-        kept = [(field, particles.owned(field).copy()) for field in (particles.position, particles.velocity)]
-        self.follow()
-        for field, values in kept:  # of particles that the mesh has just given its own
-            particles.put(field, values)
-        self.local.refresh()
-        self.scheme.settle()
-        solution.evaluate(self.time)
-
     def state(self):
-        """Return {key: (getter, setter)} of everything a continued run needs; after the last setter, `resume`."""
+        """Return {key: (getter, setter)} of everything a continued run needs; to be set in this order, then `resume`. Setting patches is collective."""
         solution, mesh, particles = self.solution, self.solution.mesh, self.local.subdomain.particles
         n = mesh.n_owned
-        state = {"step": (lambda: self.step, lambda value: setattr(self, "step", int(value)))}
+        state = {"step": (lambda: self.step, self._go_to), "mesh/patches": (lambda: self.patches.chosen[:n], self._take_patches)}
         for name in ("displacement", "velocity", "acceleration", "previous_acceleration"):
             state[f"mesh/{name}"] = (lambda name=name: getattr(solution, name)[:n], lambda value, name=name: np.copyto(getattr(solution, name)[:n], value))
-        state["mesh/patches"] = (lambda: self.patches.chosen[:n], self.patches.restore)
         for name in ("position", "velocity", "dissipated"):
             state[f"particles/{name}"] = (lambda name=name: particles.owned(getattr(particles, name)), lambda value, name=name: particles.put(getattr(particles, name), value))
         alive = self.local.subdomain.bonds.arrays.alive
         state["alive"] = (lambda: alive, lambda value: np.copyto(alive, value))
         state["scheme/lost"] = (lambda: self.scheme.lost, lambda value: setattr(self.scheme, "lost", float(value)))
-        state["work/particle_loads"] = (lambda: self.local.external_work().sum(), lambda value: setattr(self.local, "load_work", float(value)))
-        return {**state, **solution.work_state()}
+        return {**state, **solution.work_state(), **self.local.work_state()}
+
+    def resume(self):
+        """Bring what follows from a state that was set up to date: ghosts, nodal means of particles, forces of elements. Collective."""
+        self.solution.refresh("displacement", "velocity", "acceleration", "previous_acceleration")
+        self.local.refresh()
+        self.scheme.settle()
+        self.solution.evaluate(self.time)
+
+    def _go_to(self, step):
+        self.step = int(step)
+        self.solution.first = self.step == 0
+
+    def _take_patches(self, chosen):
+        """Enrich what a stored state had enriched; what the particles of it are comes after. Collective."""
+        self.patches.restore(chosen)
+        self.follow()
 
     def _timed(self, name):
         return _Timer(self._stages, name)

@@ -57,4 +57,5 @@ def _pattern(space, vertex_id):
     row = np.repeat(np.arange(mass.n_local), np.diff(mass.indptr))
     filled = (mass.values != 0.0) & there[row]
     unknowns = {"number": number, "component": component, "enriched": enriched, "vertex": vertex_id[vertex]}
-    return {**{f"unknowns/{name}": values[there] for name, values in unknowns.items()}, "entries/row": number[row[filled]], "entries/column": mass.columns[filled]}
+    pattern = {f"unknowns/{name}": values[there] for name, values in unknowns.items()}
+    return {**pattern, "entries/row": number[row[filled]], "entries/column": mass.columns[filled]}

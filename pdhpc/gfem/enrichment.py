@@ -110,7 +110,7 @@ class EnrichedSpace:
         Parameters
         ----------
         right_nodes (n_vertices, dim) : r of the standard functions, summed over all ranks on owned vertices, kg times the field's unit.
-        momentum (n, dim) : what stands at the points of this rank's own cells for the enriched functions, r_i = sum_p momentum_p phi_i (eta - mean_i), as right_nodes.
+        momentum (n, dim) : of this rank's own points, r_i = sum_p momentum_p phi_i (eta - mean_i) of the enriched functions, in the same unit.
         tested (n_vertices, dim) : None, or what this rank adds to these r_i.
         """
         mass, dim = self.mass, self._mesh.dim

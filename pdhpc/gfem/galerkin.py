@@ -1,11 +1,11 @@
-"""The Galerkin scheme: what the local run found gives the space, all coefficients are solved for, and functions are enriched only where the run says what they cannot.
+"""The Galerkin scheme: the local run gives the space, all coefficients are solved for, and functions are enriched only where the run says what they cannot.
 
     u^{n+1} - u^n in {phi_i, phi_j (U - u^n)},   v^{n+1} in {phi_i, phi_j V},   j chosen of J by component, see enrichment.py
 
     1. (rho (u^{n+1} - u^n), psi) = (dt rho v^n + I2 + dt^2/2 b, psi) + dt^2/2 r(d^n),      d += the coefficients of phi_i
     2. (rho v^{n+1}, psi)         = (rho v^n + I1 + dt b, psi) + dt/2 (r(d^n) + r(d^{n+1})),  d' = those of phi_i
 
-for all psi of the space; alpha is 1 on enriched cells, so that elements and their forces r meet standard functions alone. Masses outside enriched cells are lumped.
+for all psi of the space; alpha is 1 on enriched cells, so that elements and their forces r meet standard functions alone. Masses outside these are lumped.
 """
 import numpy as np
 

@@ -3,8 +3,8 @@
     (rho v', psi)      = (rho v^n, psi) + dt/2 r(u^n),     u^{n+1} = u^n + dt v',
     (rho v^{n+1}, psi) = (rho v', psi) + dt/2 r(u^{n+1}),  psi in {phi_i, phi_j (U - u^n)},
 
-r(u) the blended forces of the bonds and those of elements and loads. Each step projects the velocity onto a space that holds one increment, and what moves at the
-particles' frequencies limits dt: the scheme is refused above its critical step.
+r(u) the blended forces of the bonds and those of elements and loads. Each step projects the velocity onto a space that holds one increment, and what moves
+at the particles' frequencies limits dt: the scheme is refused above its critical step.
 """
 import numpy as np
 
@@ -96,8 +96,8 @@ class Instant(Galerkin):
         if self._age < 3 or self._age % _CHECKED_EVERY == 0:
             self.critical_dt = self._critical_step()
             if self.refuses and self.dt > self.critical_dt and self.mass.failure is None:
-                self.mass.failure = (f'the scheme "{self.name}" is unstable in the enriched space at hand: its critical step is {self.critical_dt:.6g} s, time.dt'
-                                     f' {self.dt:.6g} s; take a smaller one, or the scheme "pinned"')
+                self.mass.failure = (f'the scheme "{self.name}" is unstable in the enriched space at hand: its critical step is {self.critical_dt:.6g} s,'
+                                     f' time.dt {self.dt:.6g} s; take a smaller one, or the scheme "pinned"')
         self._age += 1
 
     def _critical_step(self):

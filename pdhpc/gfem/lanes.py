@@ -84,49 +84,78 @@ def add_nodal(slots, chosen, shape, cells, nodal, field):
 
 @kernel
 def project_displacement(rows, lane_cell, number, shape, alpha, inside, before, velocity_before, moment, position, density, dt, volume, cells, result):
-    """result += sum_p V_p N_i (dt rho v^n + I2 - rho alpha (U - u^n)) inside enriched cells, sum_p V_p N_i I2 outside; density (n_slots,) or by lane, kg/m^3."""
+    """result += sum_p V_p N_i (dt rho v^n + I2 - rho alpha (U - u^n)) inside enriched cells, sum_p V_p N_i I2 outside; density (8 n_rows,), kg/m^3.
+
+    Lanes of a cell that follow each other are summed up before they are added.
+    """
+    corners, dim = cells.shape[1], result.shape[1]
+    total, last = np.zeros((corners, dim)), -1
     for t in range(len(rows)):
         for lane in range(8):
             n = 8 * t + lane
-            if lane_cell[n] < 0:
+            if lane_cell[n] != last:
+                _flush(cells, last, total, result)
+                last = lane_cell[n]
+            if last < 0:
                 continue
-            corner, i = cells[lane_cell[n]], rows[t] + lane
-            for d in range(result.shape[1]):
+            i = rows[t] + lane
+            for d in range(dim):
                 value = moment[t, d, lane]
                 if inside[n]:
                     value += density[n] * (dt * velocity_before[t, d, lane] - alpha[n] * (position[i, d] - before[t, d, lane]))
-                for a in range(len(corner)):
-                    result[corner[a], d] += volume * shape[number[n], a] * value
+                for a in range(corners):
+                    total[a, d] += volume * shape[number[n], a] * value
+    _flush(cells, last, total, result)
 
 
 @kernel
 def project_velocity(rows, lane_cell, number, shape, alpha, inside, velocity_before, impulse, velocity, density, volume, cells, result):
     """result += sum_p V_p N_i (rho v^n + I1 - rho alpha V) inside enriched cells, sum_p V_p N_i I1 outside."""
+    corners, dim = cells.shape[1], result.shape[1]
+    total, last = np.zeros((corners, dim)), -1
     for t in range(len(rows)):
         for lane in range(8):
             n = 8 * t + lane
-            if lane_cell[n] < 0:
+            if lane_cell[n] != last:
+                _flush(cells, last, total, result)
+                last = lane_cell[n]
+            if last < 0:
                 continue
-            corner, i = cells[lane_cell[n]], rows[t] + lane
-            for d in range(result.shape[1]):
+            i = rows[t] + lane
+            for d in range(dim):
                 value = impulse[t, d, lane]
                 if inside[n]:
                     value += density[n] * (velocity_before[t, d, lane] - alpha[n] * velocity[i, d])
-                for a in range(len(corner)):
-                    result[corner[a], d] += volume * shape[number[n], a] * value
+                for a in range(corners):
+                    total[a, d] += volume * shape[number[n], a] * value
+    _flush(cells, last, total, result)
 
 
 @kernel
-def multiply_mass(cells, chosen, kind, consistent, x, result):
-    """result += M_e x_e over cells chosen (n,), consistent (n_kinds, corners, corners), kg; x, result (n_vertices, dim)."""
+def _flush(cells, cell, total, result):
+    """Add the sums of one cell's corners, total (corners, dim), to result, and forget them."""
+    if cell >= 0:
+        for a in range(len(total)):
+            for d in range(total.shape[1]):
+                result[cells[cell, a], d] += total[a, d]
+                total[a, d] = 0.0
+
+
+@kernel
+def divide(chosen, right, mass, change):
+    """change = right / mass of the vertices chosen (n,); right, change (n_vertices, dim), mass (n_vertices,)."""
     for n in range(len(chosen)):
-        corner, m = cells[chosen[n]], consistent[kind[chosen[n]]]
-        for a in range(len(corner)):
-            for d in range(x.shape[1]):
-                total = 0.0
-                for b in range(len(corner)):
-                    total += m[a, b] * x[corner[b], d]
-                result[corner[a], d] += total
+        inverse = 1.0 / mass[chosen[n]]
+        for d in range(right.shape[1]):
+            change[chosen[n], d] = right[chosen[n], d] * inverse
+
+
+@kernel
+def add_momentum(factor, mass, velocity, right):
+    """right += factor m v of this rank's vertices; mass (n_owned,), velocity, right (n_vertices, dim)."""
+    for n in range(len(mass)):
+        for d in range(right.shape[1]):
+            right[n, d] += factor * mass[n] * velocity[n, d]
 
 
 @kernel

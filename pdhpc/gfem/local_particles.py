@@ -234,6 +234,15 @@ class LocalParticles:
         """Return (n,) J, contributions to the work of loads on the particles of enriched cells. Local."""
         return np.concatenate([np.array([self.load_work]), *(load.work * self.volume for load in self.acting)])
 
+    def work_state(self):
+        """Return {key: (getter, setter)} of the work account: that of this rank, J."""
+        return {"work/particle_loads": (lambda: self.external_work().sum(), self._start_account)}
+
+    def _start_account(self, work):
+        self.load_work = float(work)
+        for load in self.acting:
+            load.work[:] = 0.0
+
     def watch(self, cells):
         """Look from now on at the particles of these owned cells, (n_owned_cells,) bool, for bonds that stretch or break; none is broken yet. Local."""
         arrays = self.subdomain.bonds.arrays
@@ -245,16 +254,16 @@ class LocalParticles:
         cell = self._cell[lane] - 1
         self._watched_cell = np.where((cell >= 0) & (cell < len(cells)) & self.inside[lane], cell, -1)
         self._watched_cell[~cells[self._watched_cell]] = -1
-        self._flags, self._known = np.zeros(len(lane)), arrays.alive[:, lane].copy()
+        self._found, self._known = np.empty(len(lane), np.int64), np.ascontiguousarray(arrays.alive[:, lane])
 
     def wanting(self, share):
         """Return (n_owned_cells,) bool: watched cells with a particle that is stretched beyond `share` of its limit, or has a broken bond. Local."""
         domain, wanted = self.subdomain, np.zeros(self.lattice.mesh.n_owned_cells, bool)
         if len(self._watched) == 0:
             return wanted
-        blend.strained_rows(domain.bonds.arrays, domain.points, self._watched, share, self._known, self._flags)
-        found = np.flatnonzero((self._flags > 0.0) & (self._watched_cell >= 0))
-        if len(found):
+        count = blend.strained_rows(domain.bonds.arrays, domain.points, self._watched, share, self._known, self._watched_cell, self._found)
+        if count:
+            found = self._found[:count]
             slots = self._watched[found // LANES] + found % LANES
             sure = np.empty(len(slots), bool)
             blend.strained_or_broken(domain.bonds.arrays, domain.points, self.law, self._third, slots, share, sure)

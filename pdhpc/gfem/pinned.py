@@ -42,7 +42,6 @@ class Pinned:
         inner = np.zeros(mesh.n_owned, bool)
         inner[self.mass.inner] = True
         self._outer = np.flatnonzero(~inner)
-        self._inverse_mass = 1.0 / solution.outside_mass[self._outer, None]
         self._standard = ~patches.chosen
         self.enriched = [np.full(mesh.dim, int(patches.chosen[owned].sum()))] * 2
         mixed = patches.touched(patches.enriched & ~patches.whole)
@@ -106,10 +105,9 @@ class Pinned:
     def _divide(self, factor):
         """Solve M^ change = right + factor m v, m the lumped mass outside."""
         solution, n = self.solution, self.solution.mesh.n_owned
-        right, outer = solution.right, self._outer
-        right[:n] += factor * solution.outside_mass[:n, None] * solution.velocity[:n]
-        solution.change[outer] = right[outer] * self._inverse_mass
-        self.mass.solve(right, solution.change)
+        lanes.add_momentum(factor, solution.outside_mass[:n], solution.velocity, solution.right)
+        lanes.divide(self._outer, solution.right, solution.outside_mass, solution.change)
+        self.mass.solve(solution.right, solution.change)
 
     def _add_to_points(self, field):
         local, solution = self.local, self.solution

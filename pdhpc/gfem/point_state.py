@@ -66,7 +66,7 @@ class PointState:
         add_outside(blended.cell, blended.inside, blended.shape, sums, local.volume, cells, right)
 
     def gather_forces(self, cells, right):
-        """Set momentum to V_p F_p, N, of the forces that LocalParticles.evaluate left, and add what all particles have of them to right (n_vertices, dim). Local."""
+        """Set momentum to V_p F_p, N, of the forces that LocalParticles.evaluate left; add all particles' to right (n_vertices, dim). Local."""
         local, blended, points = self._local, self._local.blended, self._local.points
         take_points(points.slots, local.subdomain.particles.force_density, self.momentum)
         self.momentum *= local.volume

@@ -20,7 +20,8 @@ def gradient_at_points(corners, at_points, gradients, mean, nodes, amplitude, re
                     total = 0.0
                     for a in range(shape.shape[1]):
                         v = corners[c, a]
-                        total += of_shape[p, a, j] * (nodes[v, d] + (eta[p, d] - mean[v, d]) * amplitude[v, d]) + shape[p, a] * of_eta[p, d, j] * amplitude[v, d]
+                        total += of_shape[p, a, j] * (nodes[v, d] + (eta[p, d] - mean[v, d]) * amplitude[v, d])
+                        total += shape[p, a] * of_eta[p, d, j] * amplitude[v, d]
                     result[p, d, j] = total
 
 

@@ -32,7 +32,7 @@ class CellLattice:
     Attributes
     ----------
     spacing, m. origin : (dim,), m, the first cell of the lattice's grid; step, cells : of its LatticeArrays.
-    template : (ratio^dim, dim) int64, cells of the lattice in one of the mesh. shape (ratio^dim, corners), gradient (ratio^dim, corners, dim), 1/m: of its
+    template : (ratio^dim, dim) int64, cells of the lattice in one of the mesh, in the order of slots. shape (ratio^dim, corners), gradient (ratio^dim, corners, dim), 1/m: of its
     functions there. corner_gradient : at the particles in its corners.
     """
 
@@ -43,11 +43,13 @@ class CellLattice:
         self.spacing = spacing
         self.ratio = int(round(mesh.cell_size[0] / self.spacing))
         self.template = np.stack(np.meshgrid(*[np.arange(self.ratio)] * dim, indexing="ij"), axis=-1).reshape(-1, dim)
+        self.step, self.cells = arrays.step[:dim], arrays.cells[:dim]
+        self.template = self.template[np.argsort(self.template @ self.step)]  # in the order of slots
+        self._number = np.argsort(np.ravel_multi_index(tuple(self.template.T), (self.ratio,) * dim))
         inside = (self.template + 0.5) / self.ratio
         self.shape, self.gradient = element.shape(inside), element.gradient(inside) / mesh.cell_size
         corners = np.where(np.isin(self.template, (0, self.ratio - 1)).all(axis=1))[0]
         self.corner_gradient = np.ascontiguousarray(self.gradient[corners])
-        self.step, self.cells = arrays.step[:dim], arrays.cells[:dim]
         self.origin = np.array([arrays.coordinate[axis, 0] for axis in range(dim)])
 
     def slots_of(self, cells):
@@ -72,8 +74,8 @@ class CellLattice:
         wanted = np.ravel_multi_index(tuple(cell.T), self.mesh.counts)
         owned = self.mesh.cell_id[: self.mesh.n_owned_cells]
         within = index % self.ratio
-        number = within @ self.ratio ** np.arange(self.mesh.dim - 1, -1, -1)
-        return np.searchsorted(owned, wanted).astype(np.int32), number
+        number = np.ravel_multi_index(tuple(within.T), (self.ratio,) * self.mesh.dim)
+        return np.searchsorted(owned, wanted).astype(np.int32), self._number[number]
 
     def listed(self, cells):
         """Return (slots int64, cell int32, number in it uint16), (n,) each, of the particles of local cells that this rank holds, cell by cell. Local."""

@@ -178,12 +178,13 @@ def strained_or_broken(bonds, points, law, third, slots, share, flags):
 
 
 @sweep
-def strained_rows(bonds, points, rows, share, known, flags):
-    """Mark in flags (8 n_rows,) the particles of rows of eight with a bond beyond `share` of its critical stretch, or bond states that are not those known any more.
+def strained_rows(bonds, points, rows, share, known, watched, found):
+    """Store in found the lanes of rows of eight (lane l of row t is 8 t + l), of those watched, that a look at each bond may find stretched or broken; return how many.
 
-    known (n_words, 8 n_rows) uint64. 2D, linear kinematics. Rows of several blocks are measured by the smallest limit of any: a first look, to be checked.
+    Stretched: beyond `share` of the smallest critical stretch around; broken: bond states are not those in known (n_words, 8 n_rows) any more. watched (8 n_rows,)
+    is not negative for lanes that count. 2D, linear kinematics.
     """
-    position, n, count, width = points.position, len(points.position), len(bonds.offset), LANES * len(rows)
+    position, n, count, total = points.position, len(points.position), len(bonds.offset), 0
     for t in range(len(rows)):
         i = rows[t]
         kind = bonds.kind[i >> 3]
@@ -195,11 +196,15 @@ def strained_rows(bonds, points, rows, share, known, flags):
                 j = i + at(bonds.offset, k)
                 along2 = fma(splat(at(bonds.vector, 2 * k)), load8(position, j) - px, at(bonds.vector, 2 * k + 1) * (load8(position, n + j) - py))
                 beyond = either(beyond, both(has_bit(states, k - WORD * word), along2 > share * at(bonds.trigger, row * count + k)))
-        store8(flags, LANES * t, select(beyond, splat(1.0), splat(0.0)))
+        look = any_of(beyond)
         for lane in range(LANES):
+            changed = False
             for word in range(bonds.alive.shape[0]):
-                if bonds.alive[word, i + lane] != known[word, LANES * t + lane]:
-                    flags[LANES * t + lane] = 1.0
+                changed = changed or bonds.alive[word, i + lane] != known[word, LANES * t + lane]
+            if (look or changed) and watched[LANES * t + lane] >= 0:
+                found[total] = LANES * t + lane
+                total += 1
+    return total
 
 
 @kernel

@@ -77,8 +77,8 @@ def _physical(points, corners, shape_gradient, basis_gradient, jacobian, inverse
 def stiffnesses(points, cells, shape_gradient, basis_gradient, weight, moduli, kind, table):
     """Store the stiffness of each cell, K_(m a)(n b) = sum_q w det sum_cd G_mc D_acbd G_nd, in table (n_cells, n, n).
 
-    points (n_vertices, dim), m; cells (n_cells, corners); shape_gradient (n_points, corners, dim), basis_gradient (n_points, n_basis, dim): of the map and of the
-    basis by reference coordinates; weight (n_points,), 2D: times the thickness; moduli (n_kind, dim, dim, dim, dim), Pa, D; kind (n_cells,); n = n_basis dim.
+    points (n_vertices, dim), m; cells (n_cells, corners); shape_gradient (n_points, corners, dim), basis_gradient (n_points, n_basis, dim): of the map and
+    of the basis by reference coordinates; weight (n_points,), 2D: times the thickness; moduli (n_kind, dim, dim, dim, dim), Pa, D; kind (n_cells,); n = n_basis dim.
     """
     dim, count = points.shape[1], basis_gradient.shape[1]
     jacobian, inverse, gradient = np.empty((dim, dim)), np.empty((dim, dim)), np.empty((count, dim))
@@ -124,8 +124,8 @@ def masses(points, cells, shape_gradient, basis, weight, density, kind, table):
 def cell_forces(cells, slots, index, table, field, chosen, forces):
     """Store K u of the cells `chosen` (n,) in forces (n_cells, padded).
 
-    cells (n_cells, corners), local vertices; slots (n_vertices,), rows of `field` (n_slots, width); index (n_cells,); table (n_kind, n, padded): row j is row j of
-    the symmetric matrix, n = corners * width, padded with zeros to a multiple of 8.
+    cells (n_cells, corners), local vertices; slots (n_vertices,), rows of `field` (n_slots, width); index (n_cells,); table (n_kind, n, padded): row j is
+    that of the symmetric matrix, n = corners * width, padded with zeros to a multiple of 8.
     """
     width, n, padded = field.shape[1], table.shape[1], table.shape[2]
     local, flat = np.empty(n), table.reshape(-1)

@@ -23,7 +23,8 @@ class Runs(NamedTuple):
 def stencil_forces(field, runs, offset, coefficient, spare, force):
     """Store f_a = sum_k sum_b C_kab u_b(slot + offset_k) of all vertices of the runs.
 
-    field, force (dim, n_slots); offset (3^dim,) int64; coefficient (n_stencils, 3^dim, dim, dim), N/m; spare (dim, 8): room. Slots beyond both ends of a run by up to
+    field, force (dim, n_slots); offset (3^dim,) int64; coefficient (n_stencils, 3^dim, dim, dim), N/m; spare (dim, 8): room. Slots beyond both ends of a run
+    by up to
     the largest offset and 8 exist and hold finite numbers.
     """
     for r in range(len(runs.start)):

@@ -49,16 +49,16 @@ def _panels(directory, data, spacing):
         panels.append((_draw_particles, particles, spacing))
     if "points/eta" in data:
         eta = np.linalg.norm(data["points/eta"], axis=1)
-        panels.append((_draw_field, "reconstructed field |eta| [m]", data["points/position"], eta, spacing, "viridis"))
+        panels.append((_draw_field, "reconstructed field |eta| [m]", data["points/position"], eta, spacing))
     panels.append((_draw_vertices, data))
     for k in range(data["points/functions"].shape[1] if "points/functions" in data else 0):
         vertex, component = int(data["functions/vertex"][k]), int(data["functions/component"][k])
         label = f"phi_{vertex} eta_{'xyz'[component]} [m]"
-        panels.append((_draw_field, label, data["points/position"], data["points/functions"][:, k], spacing, "RdBu_r"))
+        panels.append((_draw_field, label, data["points/position"], data["points/functions"][:, k], spacing))
     if "entries/row" in data and len(data["entries/row"]) <= _MOST_ENTRIES:
         panels.append((_draw_pattern, data))
     if particles is not None:
-        panels.append((_draw_field, "displacement [m]", particles["position"], np.linalg.norm(particles["displacement"], axis=1), spacing, "viridis"))
+        panels.append((_draw_field, "displacement [m]", particles["position"], np.linalg.norm(particles["displacement"], axis=1), spacing))
     return panels
 
 
@@ -87,8 +87,8 @@ def _draw_particles(figure, axes, particles, spacing):
     axes.set(title=f"particles, damage (u x {scale:.3g})", aspect="equal")
 
 
-def _draw_field(figure, axes, title, position, values, spacing, colours):
-    """Draw values at particles of a lattice as pixels."""
+def _draw_field(figure, axes, title, position, values, spacing):
+    """Draw values at particles of a lattice as pixels, in colours of two signs where some are below 0."""
     if len(position) == 0:
         axes.set(title=title)
         return
@@ -97,8 +97,9 @@ def _draw_field(figure, axes, title, position, values, spacing, colours):
     image = np.full(index.max(axis=0) + 1, np.nan)
     image[index[:, 0], index[:, 1]] = values
     extent = np.stack([low - spacing / 2, low + (np.array(image.shape) - 0.5) * spacing], axis=1).ravel()
-    limit = np.nanmax(np.abs(image)) if colours == "RdBu_r" else None
-    shown = axes.imshow(image.T, origin="lower", extent=extent, cmap=colours, interpolation="nearest", vmin=None if limit is None else -limit, vmax=limit)
+    limit = np.abs(values).max() if values.min() < 0.0 else None
+    shown = axes.imshow(image.T, origin="lower", extent=extent, cmap="viridis" if limit is None else "RdBu_r", interpolation="nearest",
+                        vmin=None if limit is None else -limit, vmax=limit)
     figure.colorbar(shown, ax=axes, shrink=0.8)
     axes.set(title=title, aspect="equal")
 

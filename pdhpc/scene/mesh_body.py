@@ -11,6 +11,7 @@ from pdhpc.parallel.partition import Partition
 from pdhpc.scene.body import make_shape
 from pdhpc.scene.schema import POISSONS_RATIO
 from pdhpc.scene.sections import section
+from pdhpc.scene.sentences import nearest
 
 _WEIGHT = 16  # of a cell in the partition of a box; one that is left out counts as 1
 
@@ -105,7 +106,7 @@ def cells_of_group(scene, comm, mesh, name, key):
     """Return (n_cells,) bool, the local cells of a physical group of cells; `key` names it in an error. Collective."""
     known = sorted(set().union(*comm.allgather(set(mesh.regions))))
     if name not in known:
-        raise scene.error(key, f'"{name}"', f"a group of cells of {scene.mesh.file} ({', '.join(known) or 'it has none'})")
+        raise scene.error(key, f'"{name}"', f"a group of cells of {scene.mesh.file} ({', '.join(known) or 'it has none'}){nearest(name, known)}")
     return mesh.regions.get(name, np.zeros(len(mesh.cells), bool))
 
 

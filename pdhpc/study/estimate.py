@@ -70,7 +70,7 @@ def estimate(scene, ranks=None):
     ranks = ranks or comm.size
     body = make_body(scene)
     ratio = radius_of(scene) / scene.particles.spacing
-    family = _family_size(scene.dim, ratio)
+    family = family_size(scene.dim, ratio)
     cells = sum(int(np.prod(lattice.cells, dtype=object)) for lattice in body.lattices)
     exact = cells * family <= _SMALL
     whole = scene.model_copy(update={"time": scene.time.model_copy(update={"method": "single"}), "fine": None})
@@ -83,11 +83,11 @@ def estimate(scene, ranks=None):
         regions, m, overlap, dt, steps, more = _regions(scene, body, ranks, exact, family, critical)
     else:
         dt, steps, more = choose_step(scene, critical)
-    rate = _kernel_rate(scene, ratio, body.path.split(":")[0])
+    rate = kernel_rate(scene, ratio, body.path.split(":")[0])
     memory = particles / ranks * _bytes_per_particle(scene, body, neighbours, ratio, particles / ranks)
     work = sum(steps * region.bonds for steps, region in zip((1, m), regions)) if regions else bonds
     seconds = 2 * work * steps / (rate * ranks)
-    stretch = _critical_stretches(scene, body)
+    stretch = critical_stretches(scene, body)
     smallest = min([critical, *(region.critical_dt for region in regions)])
     return Estimate(exact, particles, bonds, neighbours, stretch, smallest, dt, steps, ranks, memory, rate, seconds, unused(scene) + warnings + more, body.path, regions, m,
                     overlap, critical)
@@ -126,7 +126,7 @@ def _bytes_per_particle(scene, body, neighbours, ratio, per_rank):
         return math.ceil(neighbours / LANES) * LANES * _BYTES_PER_SLOT + _BYTES_PER_PARTICLE[scene.dim] + extra
     side = max(per_rank, 1.0) ** (1 / scene.dim)
     padding = (1 + 2 * int(ratio) / side) ** (scene.dim - 1) * (1 + (2 * LANES + int(ratio)) / side)
-    words = math.ceil(_family_size(scene.dim, ratio) / WORD)
+    words = math.ceil(family_size(scene.dim, ratio) / WORD)
     return padding * (_BYTES_PER_CELL[scene.dim] + 8 * words + extra) + 16
 
 
@@ -173,7 +173,7 @@ def _slabs(lattice):
         yield points_of_bodies([lattice], lower, upper)[1]
 
 
-def _family_size(dim, ratio):
+def family_size(dim, ratio):
     """Return the number of lattice points within `ratio` spacings of one of them."""
     reach = int(ratio)
     axes = np.meshgrid(*[np.arange(-reach, reach + 1)] * dim, indexing="ij")
@@ -198,7 +198,7 @@ def _family_step(scene, body, ratio):
     return min(steps)
 
 
-def _kernel_rate(scene, ratio, path):
+def kernel_rate(scene, ratio, path):
     """Return bonds per second and core of the force kernels, measured on a small block."""
     cells = {2: 60, 3: 16}[scene.dim]
     sub, law = block(scene.dim, cells, min(ratio, 4.0), scene.particles.kinematics == "linear", path, scene.material[0].model)
@@ -212,7 +212,7 @@ def _kernel_rate(scene, ratio, path):
     return sub.bonds.n_directed / best
 
 
-def _critical_stretches(scene, body):
+def critical_stretches(scene, body):
     """Return [(material, value and formula)]."""
     setting, rows = calibration_of(scene), []
     for material in body.materials:

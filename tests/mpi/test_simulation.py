@@ -139,3 +139,113 @@ def test_an_empty_region_is_an_error_on_every_rank(comm, path):
     extra = '[[region]]\nname = "r"\nshape = "box"\nlower = [0.1, 0.1]\nupper = [0.2, 0.2]\n[damage]\nno_fail = ["r"]\n'
     with pytest.raises(SceneError, match="selects no particle"):
         Simulation(parse_scene(plate((8, 8), extra=extra), "t", [f"particles.path={path}"]), comm)
+
+
+MESH = """
+model = "fem"
+dimension = "{dimension}"
+[mesh]
+cell_size = 0.5
+[[material]]
+name = "soft"
+density = 1.0
+youngs_modulus = 1.0
+[[material]]
+name = "hard"
+density = 2.0
+youngs_modulus = 5.0
+[[body]]
+name = "a"
+material = "soft"
+shape = "box"
+lower = {zero}
+upper = {one}
+[[body.hole]]
+shape = "box"
+lower = {in_hole}
+upper = {out_hole}
+[[body]]
+name = "b"
+material = "hard"
+shape = "box"
+lower = {second}
+upper = {far}
+[[region]]
+name = "left"
+shape = "half_space"
+point = {near}
+normal = {down}
+[[load]]
+type = "displacement"
+region = "left"
+value = {zero}
+[[load]]
+type = "gravity"
+value = {pull}
+[[load]]
+type = "traction"
+region = "all"
+face = "+y"
+value = {pull}
+[[probe]]
+name = "grip"
+region = "left"
+quantity = "reaction"
+[[probe]]
+name = "mean"
+region = "all"
+quantity = "stress"
+[time]
+end = 2.0
+"""
+PLACES = {
+    2: dict(dimension="plane_strain", zero=[0.0, 0.0], one=[4.0, 3.0], in_hole=[1.0, 1.0], out_hole=[2.0, 2.0], second=[4.0, 0.0], far=[6.0, 3.0], near=[0.1, 0.0], down=[-1.0, 0.0],
+            pull=[0.1, -0.2]),
+    3: dict(dimension="3d", zero=[0.0] * 3, one=[3.0, 2.0, 2.0], in_hole=[1.0, 0.5, 0.5], out_hole=[2.0, 1.5, 1.5], second=[3.0, 0.0, 0.0], far=[4.0, 2.0, 2.0],
+            near=[0.1, 0.0, 0.0], down=[-1.0, 0.0, 0.0], pull=[0.1, -0.2, 0.3]),
+}
+LATTICE = ["fem.moduli=lattice", 'particles={spacing=0.125, horizon=0.4}']
+
+
+def vertices_of(comm, simulation):
+    """Return {name: array sorted by id} of all vertices, on every rank."""
+    view = simulation.stepper.view
+    view.prepare()
+    parts = {"id": view.ids, "x": view.places(), "volume": view.volume}
+    parts.update({name: view.field(name) for name in ("displacement", "velocity", "stress", "strain", "force_density")})
+    whole = {name: np.concatenate(comm.allgather(values)) for name, values in parts.items()}
+    order = np.argsort(whole["id"])
+    return {name: values[order] for name, values in whole.items()}
+
+
+@pytest.mark.mpi(min_size=2)
+@pytest.mark.parametrize("dim, overrides, tolerance", [
+    (2, [], 0.0), (3, [], 0.0), (2, LATTICE, 0.0), (2, ["fem.integration=newmark"], 1e-7), (3, ["fem.integration=static"], 1e-7),
+], ids=["2d", "3d", "lattice", "newmark", "static"])
+def test_a_mesh_on_all_ranks_and_on_one(comm, dim, overrides, tolerance):
+    """Explicit steps have the same bits; implicit ones agree to the KSP's tolerance."""
+    from mpi4py import MPI
+
+    scene = parse_scene(MESH.format(**PLACES[dim]), "t", overrides)
+    runs = Simulation(scene, comm), Simulation(scene, MPI.COMM_SELF)
+    records = [run.run(quiet=True) for run in runs]
+    together, alone = vertices_of(comm, runs[0]), vertices_of(MPI.COMM_SELF, runs[1])
+    for name, values in together.items():
+        scale = np.abs(alone[name]).max(initial=0.0)
+        assert np.abs(values - alone[name]).max() <= tolerance * scale, name
+    for name in ("cells", "vertices", "dofs", "dt", "critical_dt", "steps"):
+        assert records[0][name] == records[1][name], name
+    assert records[0]["energies"] == pytest.approx(records[1]["energies"], rel=max(tolerance, 1e-300), abs=1e-9 if tolerance else 0.0) and records[0]["energies"]["external_work"] > 0
+    probes = [[probe.read(run.stepper) for probe in run.probes] for run in runs]
+    assert np.allclose(probes[0][0] + probes[0][1], probes[1][0] + probes[1][1], rtol=max(tolerance, 1e-13), atol=1e-7)
+    assert records[0]["ghosts"] > 0
+
+
+@pytest.mark.mpi(min_size=2)
+@pytest.mark.parametrize("overrides, words", [
+    (['mesh={file="no.msh"}', 'body=[{name="a", material="soft", shape="mesh"}]', "material=[{name='soft', density=1.0, youngs_modulus=1.0}]"], "there is no mesh"),
+    (["time.dt=1.9"], "time.dt = 1.9 s"), (["load=[]", "probe=[]", "region=[]", "fem.integration=static"], "leave 3 rigid motions"),
+])
+def test_bad_meshes_are_an_error_on_every_rank(comm, overrides, words):
+    with pytest.raises(SceneError, match=words):
+        Simulation(parse_scene(MESH.format(**PLACES[2]), "t", overrides), comm)

@@ -53,13 +53,13 @@ def _coupled_text(cells=(24, 16), extra="", material="", tip=-4.0, scheme="pinne
 
 
 @pytest.fixture
-def coupled_text():
+def coupled_body_text():
     """Function -> the text of a scene of a coupled plate, see _coupled_text."""
     return _coupled_text
 
 
 @pytest.fixture
-def coupled_plate():
+def coupled_body():
     """Function (overrides, **options of _coupled_text) -> the CoupledProblem of that plate in this process alone."""
     from pdhpc.study.verify.case import problem_of
 

@@ -12,6 +12,8 @@ from pdhpc.simulation import Simulation
 from pdhpc.study.verify.case import plate
 from pdhpc.study.verify.fracture import GROWING_CRACK
 from pdhpc.warm_up import PATHS
+from tests.unit.scene.test_elastic import GRIP, HELD, POINT
+from tests.unit.scene.test_mesh_rules import FEM
 
 MOVING = '[[initial]]\nvelocity = [0.001, 0.0]\n[[probe]]\nname = "p"\npoint = [0.0, 0.0]\nquantity = "velocity"\n'
 
@@ -104,3 +106,38 @@ def test_damage_in_the_overlap_is_reported(comm):
     scene = parse_scene(plate((24, 16), kinematics="finite", extra=FINE + pull, material="critical_stretch = 0.02"), "t", ["time.end=20.0", "output.frames=1"])
     record = Simulation(scene, comm).run(quiet=True)
     assert record["coupling"]["broken_in_overlap"] > 0 and f"({record['coupling']['broken_in_overlap']} bonds broke there)" in record["warnings"][-1]
+
+
+@pytest.mark.parametrize("integration", ("explicit", "newmark", "static"))
+def test_a_mesh_leaves_what_particles_do(tmp_path, comm, integration):
+    fields = 'output.fields=["displacement", "velocity", "stress", "strain", "strain_energy_density", "force_density", "damage"]'
+    overrides = [f"fem.integration={integration}", "output.frames=1", fields, "material.m.critical_stretch=0.1", "time.end=10.0"]
+    scene = parse_scene(FEM + HELD + POINT + GRIP, "t", overrides)
+    record = Simulation(scene, comm).run(tmp_path / "out", quiet=True)
+    assert json.loads((tmp_path / "out" / "run.json").read_text())["status"] == record["status"] == "done"
+    assert (record["cells"], record["vertices"], record["dofs"], record["cell_kind"], record["broken_bonds"]) == (200, 231, 462, "quad", 0)
+    assert record["steps"] == record["steps_planned"] and record["energies"]["external_work"] > 0 and record["balance_error_relative"] < 0.05
+    assert (record["ksp_iterations"] > 0) == (integration != "explicit") and record["warnings"] == ["the strength of material 'm' is not used: finite elements alone never fail"]
+    points, frame = read_points(tmp_path / "out"), read_frame(tmp_path / "out")[2]
+    assert points["cells"].shape == (200, 4) and np.isfinite(np.concatenate([values.ravel() for values in frame.values()])).all() and len(frame) == 7
+    history = read_history(tmp_path / "out" / "history.csv")
+    assert len(history["end.displacement_x [m]"]) == 2 and history["end.displacement_x [m]"][-1] > 0
+
+
+def test_a_mesh_that_flies_apart_ends_with_an_error_and_a_record(tmp_path, comm):
+    scene = parse_scene(FEM + HELD, "t", ["time.dt=0.9", "time.end=900.0", "time.allow_unstable=true"])
+    with pytest.raises(RunError, match="the displacement of vertex .* is not finite"), np.errstate(all="ignore"):
+        Simulation(scene, comm).run(tmp_path, quiet=True)
+    assert json.loads((tmp_path / "run.json").read_text())["status"] == "failed"
+
+
+def test_a_solver_that_fails_ends_with_an_error_and_a_record(tmp_path, comm):
+    from petsc4py import PETSc
+
+    PETSc.Options()["gfem_ksp_max_it"] = 1
+    try:
+        with pytest.raises(RunError, match="KSP gfem_ did not converge in 1 iterations"):
+            Simulation(parse_scene(FEM + HELD + POINT, "t", ["fem.integration=static"]), comm).run(tmp_path, quiet=True)
+    finally:
+        PETSc.Options().delValue("gfem_ksp_max_it")
+    assert "gfem_ did not converge" in json.loads((tmp_path / "run.json").read_text())["error"]

@@ -1,11 +1,12 @@
 import numpy as np
 import pytest
 
-from pdhpc.fem.basis import Hats
+from pdhpc.fem import vertex_matrix
+from pdhpc.fem.basis import Hats, rigid_motions
 from pdhpc.fem.nodes import stars_of
 from pdhpc.fem.vertex_matrix import ConstrainedSolver, VertexMatrix
 from pdhpc.parallel.linear_solver import Defaults
-from pdhpc.study.verify.fem_problems import general_mesh, solid
+from pdhpc.study.verify.fem_problems import box_mesh, general_mesh, solid
 
 
 def matrix_of(mesh):
@@ -44,3 +45,17 @@ def test_given_components_are_kept(comm, preconditioner):
     x = ConstrainedSolver(matrix, Hats("triangle"), fixed, "test_", Defaults("cg", 1e-13, 500, preconditioner)).solve(right, given)
     assert np.allclose(x[fixed], given[fixed], rtol=1e-10)
     assert np.abs((dense @ x.ravel() - right.ravel())[~fixed.ravel()]).max() < 1e-10
+
+
+def test_multigrid_needs_to_know_rotations(comm, monkeypatch):
+    """A slender cantilever: a few tens of iterations, several times as many when translations alone are known."""
+    mesh = box_mesh(comm, (160, 4), (40.0, 1.0))
+    body, counts = solid(mesh), []
+    matrix = VertexMatrix(mesh, stars_of(mesh), 2, (1.0, body.stiffness()))
+    fixed = np.repeat(mesh.points[:, :1] == 0.0, 2, axis=1)
+    for known in (3, 2):
+        monkeypatch.setattr(vertex_matrix, "rigid_motions", lambda basis, mesh, known=known: rigid_motions(basis, mesh)[..., :known])
+        solver = ConstrainedSolver(matrix, body.basis, fixed, "test_", Defaults("cg", 1e-10, 2000, "gamg"))
+        solver.solve(np.where(mesh.points == [40.0, 0.0], 1e-3, 0.0), np.zeros(mesh.points.shape))
+        counts.append(solver.solver.iterations)
+    assert counts[0] <= 50 and counts[1] > 2 * counts[0], counts

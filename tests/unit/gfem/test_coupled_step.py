@@ -34,8 +34,8 @@ time = { function = "ramp", start = 0.0, end = 20.0 }
 """
 
 
-def test_a_step_is_five_verbs(coupled_plate):
-    stepper, called = coupled_plate(STEP).stepper(), []
+def test_a_step_is_five_verbs(coupled_body):
+    stepper, called = coupled_body(STEP).stepper(), []
     for verb in ("choose_patches", "seed_particles", "run_particles", "reconstruct", "solve"):
         whole = getattr(stepper, verb)
         setattr(stepper, verb, lambda *arguments, verb=verb, whole=whole: (called.append(verb), whole(*arguments))[1])
@@ -46,10 +46,11 @@ def test_a_step_is_five_verbs(coupled_plate):
     assert stepper.bond_evaluations == {"body": 4 * 8 * (len(stepper.local.rows) + len(stepper.local.blended.rows)) * 36} or stepper.bond_evaluations["body"] > 0
 
 
-def test_a_continued_run_needs_no_more_than_the_state(coupled_plate, shake):
+@pytest.mark.parametrize("scheme", ("pinned", "galerkin"))
+def test_a_continued_run_needs_no_more_than_the_state(coupled_body, shake, scheme):
     """Six steps, or three, what `state` says put into another body, and three more: the same bits, bonds broken and patches grown in both halves."""
-    options = dict(material=BRITTLE, extra=PULLED + HELD)
-    through, half, other = (coupled_plate(STEP, **options).stepper() for _ in range(3))
+    options = dict(material=BRITTLE, extra=PULLED + HELD, scheme=scheme)
+    through, half, other = (coupled_body(STEP, **options).stepper() for _ in range(3))
     for stepper in (through, half):
         shake(stepper, 0.04)
     counts = [through.patches.chosen.sum()]
@@ -62,50 +63,50 @@ def test_a_continued_run_needs_no_more_than_the_state(coupled_plate, shake):
     stored = {key: np.copy(get()) for key, (get, _) in half.state().items()}
     for key, (_, put) in other.state().items():
         put(stored[key])
-    other.follow()
+    other.resume()
     broken = half.broken
     for _ in range(3):
         other.advance()
-    assert through.patches.chosen.sum() >= counts[1] >= counts[0] and through.broken == broken + other.broken and broken > 0
+    assert through.patches.chosen.sum() > counts[1] > counts[0] and through.broken == broken + other.broken and broken > 0
     for key, (get, _) in other.state().items():
         assert np.array_equal(get(), through.state()[key][0]()), key
     for name, values in through.ledger().items():
         assert other.ledger()[name].sum() == pytest.approx(values.sum(), rel=1e-12), name
 
 
-def test_cells_without_particles_join_when_their_strain_says_so(coupled_plate):
+def test_cells_without_particles_join_when_their_strain_says_so(coupled_body):
     """Uniform strain e along x: above theta s0 all cells that may fail join, below none; the activation is 0.6 unless the scene says otherwise."""
     for strain, joins in ((0.0119, False), (0.0121, True)):
-        stepper = coupled_plate(STEP, tip=None, material=BRITTLE).stepper()
+        stepper = coupled_body(STEP, tip=None, material=BRITTLE).stepper()
         stepper.solution.displacement[:, 0] = strain * stepper.solution.mesh.points[:, 0]
         stepper.choose_patches()
         assert stepper.patches.chosen.all() == joins == stepper.patches.chosen.any()
-    stepper = coupled_plate(STEP + ("gfem.activation=0.5",), tip=None, material=BRITTLE).stepper()
+    stepper = coupled_body(STEP + ("gfem.activation=0.5",), tip=None, material=BRITTLE).stepper()
     stepper.solution.displacement[:, 0] = 0.0101 * stepper.solution.mesh.points[:, 0]
     stepper.choose_patches()
     assert stepper.patches.chosen.all()
 
 
-def test_cells_that_may_not_fail_stay_elements(coupled_plate):
+def test_cells_that_may_not_fail_stay_elements(coupled_body):
     extra = '[[region]]\nname = "safe"\nshape = "box"\nlower = [-12.0, -8.0]\nupper = [0.0, 8.0]\n[damage]\nno_fail = ["safe"]\n'
-    stepper = coupled_plate(STEP, tip=None, material=BRITTLE, extra=extra).stepper()
+    stepper = coupled_body(STEP, tip=None, material=BRITTLE, extra=extra).stepper()
     mesh = stepper.solution.mesh
     stepper.solution.displacement[:, 0] = 0.1 * mesh.points[:, 0]
     stepper.choose_patches()
     assert np.array_equal(stepper.patches.chosen, mesh.points[:, 0] >= 0.0)
 
 
-def test_vertices_of_prescribed_motion_never_join(coupled_plate):
-    stepper = coupled_plate(STEP, tip=None, material=BRITTLE, extra=HELD).stepper()
+def test_vertices_of_prescribed_motion_never_join(coupled_body):
+    stepper = coupled_body(STEP, tip=None, material=BRITTLE, extra=HELD).stepper()
     mesh = stepper.solution.mesh
     stepper.solution.displacement[:, 0] = 0.1 * mesh.points[:, 0]
     stepper.choose_patches()
     assert np.array_equal(stepper.patches.chosen, mesh.points[:, 0] < 8.0) and stepper.patches.refused == 10, "both columns of vertices of the cells that are held"
 
 
-def test_patches_follow_a_crack(coupled_plate):
+def test_patches_follow_a_crack(coupled_body):
     """Particles on the ramp whose bonds break bring the patches of their cells."""
-    stepper = coupled_plate(STEP, material=BRITTLE).stepper()
+    stepper = coupled_body(STEP, material=BRITTLE).stepper()
     before, local = stepper.patches.chosen.copy(), stepper.local
     ring = np.flatnonzero(stepper.patches.enriched & ~stepper.patches.whole)
     local.subdomain.bonds.arrays.alive[0, local.lattice.slots_of(ring[:1].astype(np.int32))[0, 5]] = 0
@@ -115,10 +116,10 @@ def test_patches_follow_a_crack(coupled_plate):
     assert np.all(local.inside[local.points.slots]) and len(local.points.slots) == 16 * stepper.patches.enriched.sum(), "everything has followed"
 
 
-def test_energies_are_those_of_the_particles_alone_under_uniform_strain(coupled_plate):
+def test_energies_are_those_of_the_particles_alone_under_uniform_strain(coupled_body):
     """In elements by the moduli of the lattice, on the ramp by both: their shares add up, but for bonds across the ramp's kinks and those that the crack cut."""
     gradient = np.array([[1e-3, 2e-4], [-4e-4, 5e-4]])
-    stepper = coupled_plate(STEP, cells=(40, 40)).stepper()
+    stepper = coupled_body(STEP, cells=(40, 40)).stepper()
     solution, local = stepper.solution, stepper.local
     other = problem_of(plate((40, 40)))
     particles = other.subdomain.particles
@@ -140,15 +141,26 @@ def test_energies_are_those_of_the_particles_alone_under_uniform_strain(coupled_
     assert ledger["dissipated_energy"].sum() == ledger["external_work"].sum() == 0.0
 
 
-@pytest.mark.parametrize("tip, tolerance", ((None, 0.01), (-4.0, 0.03)))
-def test_energy_is_what_was_put_in(coupled_plate, tip, tolerance):
-    """Pulled and held, without patches and with: kinetic and strain energy are the work of loads and holds."""
-    stepper = coupled_plate(("time.dt=0.4", "gfem.substeps=1", "time.end=60.0"), tip=tip, extra=PULLED + HELD).stepper()
-    largest, before = 0.0, {name: values.sum() for name, values in stepper.ledger().items()}
+def balance(stepper, steps):
+    """Return the largest difference of kinetic and strain energy from what was there and came in over some steps, over the largest work; J/J."""
+    before = {name: values.sum() for name, values in stepper.ledger().items()}
     assert before["external_work"] == 0.0 < before["kinetic_energy"], "what is held moves from the start"
-    for _ in range(60):
+    off, work = [], []
+    for _ in range(steps):
         stepper.advance()
         ledger = {name: values.sum() for name, values in stepper.ledger().items()}
-        largest = max(largest, abs(ledger["external_work"]))
-        assert ledger["kinetic_energy"] - before["kinetic_energy"] + ledger["strain_energy"] == pytest.approx(ledger["external_work"], abs=tolerance * largest + 1e-9)
-    assert largest > 1e-4
+        work.append(ledger["external_work"])
+        off.append(ledger["kinetic_energy"] + ledger["strain_energy"] - before["kinetic_energy"] - work[-1])
+    return np.abs(off).max() / np.abs(work).max()
+
+
+def test_energy_of_elements_is_what_was_put_in(coupled_body):
+    """Pulled and held, without patches: central differences keep the balance to second order in the step."""
+    off = [balance(coupled_body((f"time.dt={dt}", "gfem.substeps=1", "time.end=60.0"), tip=None, extra=PULLED + HELD).stepper(), steps) for dt, steps in ((0.8, 50), (0.4, 100))]
+    assert off[0] < 3e-3 and 3.0 < off[0] / off[1] < 5.5
+
+
+def test_energy_with_patches_is_nearly_what_was_put_in(coupled_body):
+    """The blend keeps no energy: at 0.6 of the critical step and 17 steps it is off by some percent."""
+    stepper = coupled_body(("time.dt=2.4", "time.end=60.0"), extra=PULLED + HELD).stepper()
+    assert balance(stepper, 17) < 0.03

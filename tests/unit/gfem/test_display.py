@@ -4,8 +4,8 @@ import pytest
 from pdhpc.gfem.display import displayed
 
 
-def test_what_is_shown_is_the_space_of_displacements(coupled_plate, comm):
-    parts, stepper = coupled_plate(comm, "galerkin")
+def test_what_is_shown_is_the_space_of_displacements(pulled_plate, comm):
+    parts, stepper = pulled_plate(comm, "galerkin")
     for _ in range(3):
         stepper.advance()
     data = displayed(comm, stepper)
@@ -19,8 +19,8 @@ def test_what_is_shown_is_the_space_of_displacements(coupled_plate, comm):
     assert data["points/functions"][:, -1] == pytest.approx(hat * data["points/eta"][:, component[-1]], abs=1e-15)
 
 
-def test_pattern_is_symmetric_and_of_selected_unknowns(coupled_plate, comm):
-    _, stepper = coupled_plate(comm, "galerkin")
+def test_pattern_is_symmetric_and_of_selected_unknowns(pulled_plate, comm):
+    _, stepper = pulled_plate(comm, "galerkin")
     for _ in range(3):
         stepper.advance()
     data = displayed(comm, stepper)
@@ -31,8 +31,8 @@ def test_pattern_is_symmetric_and_of_selected_unknowns(coupled_plate, comm):
     assert all(component[i] == component[j] for i, j in zip(row, column))
 
 
-def test_pinned_shows_its_vertices(coupled_plate, comm):
-    _, stepper = coupled_plate(comm, "pinned")
+def test_pinned_shows_its_vertices(pulled_plate, comm):
+    _, stepper = pulled_plate(comm, "pinned")
     data = displayed(comm, stepper)
     assert all(name.startswith("vertices/") for name in data)
     assert np.array_equal(data["vertices/enriched"], np.repeat(data["vertices/patch"][:, None], 2, axis=1)) and data["vertices/patch"].sum() > 0

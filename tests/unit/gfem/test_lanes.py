@@ -79,12 +79,13 @@ CELLS = np.array([[0, 1, 4, 3], [1, 2, 5, 4], [3, 4, 7, 6]], np.int32)
 def test_nodal_fields_are_added_at_points():
     field = fields(count=1)[0]
     random = np.random.default_rng(6)
-    nodal, shape = random.uniform(-1, 1, (8, 2)), random.uniform(size=(5, 4))
-    slots, cell, start = np.array([4, 9, 30, 2, 55]), np.array([2, 0], np.int32), np.array([0, 3, 5])
+    nodal, shape = random.uniform(-1, 1, (8, 2)), random.uniform(size=(3, 4))
+    slots, cell = np.array([[4, 9, 30], [2, 55, 54]]), np.array([2, 0], np.int32)
     expected = field.copy()
-    for p, c in enumerate([2, 2, 2, 0, 0]):
-        expected[slots[p]] += shape[p] @ nodal[CELLS[c]]
-    lanes.add_nodal(slots, cell, start, shape, CELLS, nodal, field)
+    for c in range(2):
+        for p in range(3):
+            expected[slots[c, p]] += shape[p] @ nodal[CELLS[cell[c]]]
+    lanes.add_nodal(slots, cell, shape, CELLS, nodal, field)
     assert field == pytest.approx(expected, abs=1e-15)
 
 
@@ -94,7 +95,8 @@ def test_right_sides_are_sums_over_lanes():
     random = np.random.default_rng(8)
     cell = random.integers(-1, 3, 24).astype(np.int32)
     inside, alpha, density = random.uniform(size=24) < 0.5, random.uniform(size=24), random.uniform(1, 2, 24)
-    shape, sums, speed = random.uniform(size=(24, 4)), random.uniform(-1, 1, (24, 2)), random.uniform(-1, 1, (24, 2))
+    number, shape = random.integers(0, 5, 24).astype(np.uint16), random.uniform(size=(5, 4))
+    sums, speed = random.uniform(-1, 1, (24, 2)), random.uniform(-1, 1, (24, 2))
     dt, volume = 0.3, 0.25
     expected = np.zeros((2, 8, 2))
     for n in range(24):
@@ -105,12 +107,12 @@ def test_right_sides_are_sums_over_lanes():
             first += density[n] * (dt * speed[n] - alpha[n] * (position[LANES_OF[n]] - start[LANES_OF[n]]))
             second += density[n] * (speed[n] - alpha[n] * velocity[LANES_OF[n]])
         for a in range(4):
-            expected[0, CELLS[cell[n], a]] += volume * shape[n, a] * first
-            expected[1, CELLS[cell[n], a]] += volume * shape[n, a] * second
+            expected[0, CELLS[cell[n], a]] += volume * shape[number[n], a] * first
+            expected[1, CELLS[cell[n], a]] += volume * shape[number[n], a] * second
     result = np.full((2, 8, 2), 2.0)
     before, velocity_before, held = of_lanes(start[LANES_OF]), of_lanes(speed), of_lanes(sums)
-    lanes.project_displacement(ROWS, cell, shape, alpha, inside, before, velocity_before, held, position, density, dt, volume, CELLS, result[0])
-    lanes.project_velocity(ROWS, cell, shape, alpha, inside, velocity_before, held, velocity, density, volume, CELLS, result[1])
+    lanes.project_displacement(ROWS, cell, number, shape, alpha, inside, before, velocity_before, held, position, density, dt, volume, CELLS, result[0])
+    lanes.project_velocity(ROWS, cell, number, shape, alpha, inside, velocity_before, held, velocity, density, volume, CELLS, result[1])
     assert result == pytest.approx(2.0 + expected, abs=1e-14)
 
 

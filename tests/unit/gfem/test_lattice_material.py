@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from pdhpc.fem.moduli import isotropic
-from pdhpc.gfem.lattice_material import LatticeMaterial, add_cell_forces, add_kind_forces, cell_energies, cell_stiffness
+from pdhpc.gfem.lattice_material import LatticeMaterial, add_kind_forces, cell_stiffness, kind_energies
 from pdhpc.peridynamics.fields import strain_energy_density
 from pdhpc.study.verify.case import plate, problem_of
 
@@ -13,6 +13,11 @@ from pdhpc.study.verify.case import plate, problem_of
 @pytest.fixture(scope="module")
 def parts():
     return problem_of('model = "gfem"\n' + plate((28, 20), extra="[mesh]\ncell_size = 4.0\n")).coupled_parts
+
+
+def whole(material):
+    """Return (n_kinds, 8, 8), the stiffnesses of cells where alpha is 0, the first of the 16 ramps of each kind."""
+    return material.stiffness[::16]
 
 
 def rigid(x):
@@ -29,7 +34,7 @@ def test_cells_of_equal_bonds_share_a_kind(parts):
     found = {}
     for kind, where in zip(material.kind.tolist(), place):
         assert found.setdefault(where, kind) == kind
-    assert len(found) == len(set(found.values())) == len(material.stiffness) == 9
+    assert len(found) == len(set(found.values())) == len(whole(material)) == 9
 
 
 def test_masses(parts):
@@ -46,7 +51,7 @@ def test_rigid_motions_cost_nothing(parts):
     for motion in rigid(corners):
         assert np.abs(material.stiffness @ motion.ravel()).max() < 1e-13 * largest
     assert material.stiffness == pytest.approx(material.stiffness.transpose(0, 2, 1), abs=1e-14 * largest)
-    values = np.linalg.eigvalsh(material.stiffness)
+    values = np.linalg.eigvalsh(whole(material))
     assert np.all(np.abs(values[:, :3]) < 1e-13 * largest) and np.all(values[:, 3:] > 1e-3 * largest)
 
 
@@ -55,7 +60,7 @@ def test_uniform_strain_stores_in_elements_what_it_stores_in_particles(parts):
     material, mesh, subdomain, law = parts.material, parts.mesh, parts.part.subdomain, parts.body.law
     gradient = np.array([[1e-3, 4e-4], [-7e-4, -3e-4]])
     energy, cells = np.empty(35), np.arange(35, dtype=np.int32)
-    cell_energies(mesh.cells, cells, material.stiffness[material.kind], mesh.points @ gradient.T, energy)
+    kind_energies(mesh.cells, cells, material.kind, np.ascontiguousarray(whole(material)), mesh.points @ gradient.T, energy)
     particles = subdomain.particles
     kept = particles.position.copy()
     particles.position[particles.slots] = subdomain.places() @ gradient.T
@@ -86,19 +91,23 @@ def test_continuum_moduli_take_their_place(parts):
     moduli = isotropic(2.0, 0.3, "plane_stress")
     material = LatticeMaterial(parts.lattice, parts.part.subdomain, parts.body.law, np.array([moduli] * len(parts.body.blocks)))
     assert np.all(material.moduli == moduli)
-    assert material.stiffness == pytest.approx(np.broadcast_to(material.stiffness[0], material.stiffness.shape), rel=1e-14)
+    assert whole(material) == pytest.approx(np.broadcast_to(material.stiffness[0], (9, 8, 8)), rel=1e-14)
     extension = (parts.mesh.points[parts.mesh.cells[3]] * (1.0, 0.0)).ravel()
     assert extension @ material.stiffness[0] @ extension == pytest.approx(16.0 * moduli[0, 0]), "a cell of 4 x 4 under unit strain"
 
 
 def test_ramped_cells_lose_what_the_particles_take(parts):
-    material = parts.material
-    cells = np.array([0, 17, 34], np.int32)
-    share = np.random.default_rng(4).uniform(size=(3, 16))
-    whole = material.ramped(cells, np.ones((3, 16)))
-    assert whole == pytest.approx(material.stiffness[material.kind[cells]], rel=1e-14)
-    assert material.ramped(cells, share) + material.ramped(cells, 1.0 - share) == pytest.approx(whole, abs=1e-13)
-    assert not material.ramped(cells, np.zeros((3, 16))).any()
+    """Corners where alpha is 1, in any of 16 ways: each particle counts with 1 - sum of the functions of these corners."""
+    material, mesh, lattice = parts.material, parts.mesh, parts.lattice
+    weight = (np.random.default_rng(4).uniform(size=len(mesh.points)) < 0.5).astype(float)
+    entry, acting = material.ramped_kind(weight)
+    at_corners = weight[mesh.cells]
+    assert np.array_equal(acting, ~at_corners.all(axis=1)) and np.array_equal(entry // 16, material.kind) and len(set(entry % 16)) > 8
+    outside = 1.0 - at_corners @ lattice.shape.T
+    expected = np.zeros((35, 8, 8))
+    cell_stiffness(lattice.gradient, material.moduli, material.kind, outside, 1.0, expected)
+    assert material.stiffness[entry] == pytest.approx(expected, abs=1e-13)
+    assert np.all(material.ramped_kind(np.ones(len(mesh.points)))[0] % 16 == 15) and np.abs(material.stiffness[15::16]).max() < 1e-14
 
 
 def test_stiffness_in_three_dimensions():
@@ -123,14 +132,12 @@ def test_stiffness_in_three_dimensions():
 def test_forces_are_minus_stiffness_times_displacement(parts):
     material, mesh = parts.material, parts.mesh
     displacement = np.random.default_rng(6).uniform(-1, 1, mesh.points.shape)
-    chosen = np.array([3, 20, 4], np.int32)
-    expected = np.full(mesh.points.shape, 0.5)
+    chosen, entry = np.array([3, 20, 4], np.int32), (16 * material.kind + 3).astype(np.int32)
+    expected, force = np.full((2, *mesh.points.shape), 0.5)
     for cell in chosen:
-        expected[mesh.cells[cell]] -= (material.stiffness[material.kind[cell]] @ displacement[mesh.cells[cell]].ravel()).reshape(4, 2)
-    by_kind, by_cell = np.full((2, *mesh.points.shape), 0.5)
-    add_kind_forces(mesh.cells, chosen, material.kind, material.stiffness, displacement, by_kind)
-    add_cell_forces(mesh.cells, chosen, material.stiffness[material.kind[chosen]], displacement, by_cell)
-    assert by_kind == pytest.approx(expected, abs=1e-12) and np.array_equal(by_kind, by_cell)
+        expected[mesh.cells[cell]] -= (material.stiffness[entry[cell]] @ displacement[mesh.cells[cell]].ravel()).reshape(4, 2)
+    add_kind_forces(mesh.cells, chosen, entry, material.stiffness, displacement, force, np.zeros(8))
+    assert force == pytest.approx(expected, abs=1e-12)
     energy = np.empty(3)
-    cell_energies(mesh.cells, chosen, material.stiffness[material.kind[chosen]], displacement, energy)
+    kind_energies(mesh.cells, chosen, entry, material.stiffness, displacement, energy)
     assert 2 * energy.sum() == pytest.approx(-((expected - 0.5) * displacement).sum(), rel=1e-12)

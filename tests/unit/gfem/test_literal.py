@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 
-def test_without_enrichment_it_is_central_differences_on_the_mesh(coupled_plate, comm):
+def test_without_enrichment_it_is_central_differences_on_the_mesh(pulled_plate, comm):
     """No function enriched: the trajectory of the mesh alone, consistent mass in the patches. Its critical step then is that of elements, above 2."""
-    parts, stepper = coupled_plate(comm, "literal", tolerance=1e9, steps=(1.0, 1))
+    parts, stepper = pulled_plate(comm, "literal", tolerance=1e9, steps=(1.0, 1))
     scheme, solution, mesh = stepper.scheme, parts.solution, parts.mesh
     before = solution.displacement.copy()
     for _ in range(12):
@@ -27,11 +27,11 @@ def test_without_enrichment_it_is_central_differences_on_the_mesh(coupled_plate,
     assert scheme.critical_dt > 2.0 and scheme.enriched[0].sum() == 0
 
 
-def test_far_off_where_the_galerkin_scheme_is_not(coupled_plate, comm):
+def test_far_off_where_the_galerkin_scheme_is_not(pulled_plate, comm):
     """Stress from broken gradients: at a step of a quarter of the particles' critical one it is bounded, and wrong."""
     found = {}
     for name in ("galerkin", "literal"):
-        parts, stepper = coupled_plate(comm, name, steps=(0.4, 1))
+        parts, stepper = pulled_plate(comm, name, steps=(0.4, 1))
         parts.local.law.break_at[...] = np.inf
         for _ in range(150):
             stepper.advance()

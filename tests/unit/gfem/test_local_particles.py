@@ -11,10 +11,10 @@ STEP = ("time.dt=1.2", "gfem.substeps=3", "time.end=12.0")
 PULLED = '[[load]]\ntype = "force_density"\nregion = "all"\nvalue = [1e-3, -2e-3]\ntime = { function = "sine", frequency = 0.1, phase = 0.4 }\n'
 
 
-def test_everywhere_it_is_plain_peridynamics(coupled_plate):
+def test_everywhere_it_is_plain_peridynamics(coupled_body):
     """Patches everywhere: three sub-steps of particles from a random state, breaking bonds, are three steps of a body of particles alone."""
     words = "critical_stretch = 0.02"
-    local = coupled_plate(STEP + ("gfem.everywhere=true",), material=words, extra=PULLED).stepper().local
+    local = coupled_body(STEP + ("gfem.everywhere=true",), material=words, extra=PULLED).stepper().local
     crack = '[[crack]]\ntype = "polyline"\npoints = [[-13.0, 0.0], [-4.0, 0.0]]\n'
     other = problem_of(plate((24, 16), extra=crack + PULLED, material=words), ["time.dt=0.4", "time.end=0.4"])
     for particles in (local.subdomain.particles, other.subdomain.particles):
@@ -33,9 +33,9 @@ def test_everywhere_it_is_plain_peridynamics(coupled_plate):
     assert local.particle_steps == 3 * 384 and local.external_work().sum() == pytest.approx(sum(load.work.sum() for load in other.parts[0].conditions.loads), rel=1e-12)
 
 
-def test_impulses_are_momenta_where_bonds_reach_alpha_one(coupled_plate, shake):
+def test_impulses_are_momenta_where_bonds_reach_alpha_one(coupled_body, shake):
     """I1 + S1 b = rho (V - v), I2 + S2 b = rho (U - u - dt v): the sums over a velocity Verlet run, lane by lane."""
-    stepper = coupled_plate(STEP, cells=(24, 32), extra=PULLED).stepper()
+    stepper = coupled_body(STEP, cells=(24, 32), extra=PULLED).stepper()
     low = stepper.solution.mesh.points[stepper.solution.mesh.cells[:, 0]]
     stepper.patches.add((low[:, 0] < 0.0) & (low[:, 1] >= -8.0) & (low[:, 1] < 8.0))
     stepper.follow()
@@ -68,9 +68,9 @@ def bonds_by_slot(subdomain):
     return i[there], j[there]
 
 
-def test_blended_impulses_move_nothing_as_a_whole(coupled_plate, shake):
+def test_blended_impulses_move_nothing_as_a_whole(coupled_body, shake):
     """Each bond pulls both of its ends alike, (alpha_p + alpha_q)/2: sums over all lanes, those outside enriched cells too, and rows of whole forces vanish."""
-    stepper = shake(coupled_plate(STEP).stepper(), 1e-2)
+    stepper = shake(coupled_body(STEP).stepper(), 1e-2)
     local, blended = stepper.local, stepper.local.blended
     stepper.seed_particles()
     v = local.subdomain.particles.velocity.copy()
@@ -80,9 +80,9 @@ def test_blended_impulses_move_nothing_as_a_whole(coupled_plate, shake):
     assert np.abs(total).max() < 1e-14 and np.abs(blended.impulse).max() > 1e-4
 
 
-def test_what_is_swept(coupled_plate):
+def test_what_is_swept(coupled_body):
     """All that moves or feels a bond to where alpha is above 0 is swept once; alpha is 1 - (distance from J)/H across the ring of cells."""
-    local = coupled_plate().stepper().local
+    local = coupled_body().stepper().local
     lattice, places, particles = local.lattice, local.subdomain.places(), local.subdomain.particles
     assert np.array_equal(np.unique(local.points.slots // 8 * 8), local.moving)
     both = np.concatenate([local.rows, local.blended.rows])
@@ -107,9 +107,9 @@ def expected_alpha(places):
     return np.clip(1.0 - x / 4.0, 0.0, 1.0) * np.clip(2.0 - np.abs(y) / 4.0, 0.0, 1.0)
 
 
-def test_patches_may_grow_in_any_order(coupled_plate):
+def test_patches_may_grow_in_any_order(coupled_body):
     """Patches added to others leave what they would have been at once."""
-    grown, at_once = coupled_plate().stepper(), coupled_plate().stepper()
+    grown, at_once = coupled_body().stepper(), coupled_body().stepper()
     more = np.zeros((2, 24), bool)
     more[0, 9], more[1, [9, 17]] = True, True
     grown.patches.add(more[0])
@@ -126,8 +126,8 @@ def test_patches_may_grow_in_any_order(coupled_plate):
     assert np.array_equal(one.subdomain.particles.block, two.subdomain.particles.block)
 
 
-def test_new_particles_take_the_state_of_the_mesh(coupled_plate):
-    stepper = coupled_plate(tip=None).stepper()
+def test_new_particles_take_the_state_of_the_mesh(coupled_body):
+    stepper = coupled_body(tip=None).stepper()
     local, solution = stepper.local, stepper.solution
     assert len(local.points.slots) == len(local.rows) == len(local.collar.slots) == 0
 
@@ -145,8 +145,8 @@ def test_new_particles_take_the_state_of_the_mesh(coupled_plate):
     assert not particles.velocity[others].any(), "outside the patches particles have no state of their own"
 
 
-def test_the_collar_follows_the_mesh(coupled_plate):
-    stepper = coupled_plate(STEP).stepper()
+def test_the_collar_follows_the_mesh(coupled_body):
+    stepper = coupled_body(STEP).stepper()
     local, mesh = stepper.local, stepper.solution.mesh
     gradients = np.random.default_rng(3).uniform(-1e-3, 1e-3, (3, 2, 2))
     local.hold_collar(*(mesh.points @ gradient for gradient in gradients))
@@ -157,9 +157,9 @@ def test_the_collar_follows_the_mesh(coupled_plate):
     assert not local.subdomain.particles.velocity[local.collar.slots].any()
 
 
-def test_a_collar_never_fails_and_others_may(coupled_plate):
+def test_a_collar_never_fails_and_others_may(coupled_body):
     """A stretch far beyond the critical one: bonds break where both ends are in enriched cells, nowhere else."""
-    stepper = coupled_plate(("time.dt=0.1", "time.end=1.0"), material="critical_stretch = 0.01").stepper()
+    stepper = coupled_body(("time.dt=0.1", "time.end=1.0"), material="critical_stretch = 0.01").stepper()
     local, mesh = stepper.local, stepper.solution.mesh
     particles = local.subdomain.particles
     whole = local.subdomain.bonds.alive().copy()
@@ -175,15 +175,23 @@ def test_a_collar_never_fails_and_others_may(coupled_plate):
     assert np.all(local.subdomain.bonds.alive()[inside] <= (np.bincount(i, minlength=len(local.inside))[particles.slots] - both)[inside])
 
 
-def test_cells_want_patches_when_their_particles_are_strained(coupled_plate):
-    stepper = coupled_plate(tip=None, material="critical_stretch = 0.01").stepper()
+def test_cells_want_patches_when_their_particles_are_strained(coupled_body):
+    stepper = coupled_body(tip=None, material="critical_stretch = 0.01").stepper()
     local, particles, lattice = stepper.local, stepper.local.subdomain.particles, stepper.local.lattice
     slots = lattice.slots_of(np.array([9], np.int32))[0]
     assert np.all(local.original_block(slots) == 0) and np.all(particles.block[slots] != 0), "they may not fail yet"
     stepper.patches.add(np.arange(24) == 9)
     stepper.follow()
-    assert np.all(particles.block[slots] == 0) and not local.wanting([0, 9], 0.6).any()
+    local.watch(np.isin(np.arange(24), (9, 10)))
+
+    def wanting(share):
+        return np.flatnonzero(local.wanting(share)).tolist()
+
+    assert np.all(particles.block[slots] == 0) and wanting(0.6) == []
     particles.position[slots[5], 0] += 0.007  # its neighbours along x are 1 apart
-    assert local.wanting([0, 9, 10], 0.6).tolist() == [False, True, False] and not local.wanting([0, 9], 0.8).any()
-    local.subdomain.bonds.arrays.alive[0, lattice.slots_of(np.array([0], np.int32))[0, 7]] = 0
-    assert local.wanting([0, 9], 0.8).tolist() == [True, False]
+    assert wanting(0.6) == [9] and wanting(0.8) == []
+    for cell in (10, 5):
+        local.subdomain.bonds.arrays.alive[0, lattice.slots_of(np.array([cell], np.int32))[0, 7]] = 0
+    assert wanting(0.8) == [10], "nobody looks at cell 5"
+    local.watch(np.zeros(24, bool))
+    assert wanting(0.6) == []

@@ -24,14 +24,14 @@ value = [0.0, -2.0]
 """
 
 
-def test_forces_are_the_slopes_of_energies(coupled_plate):
+def test_forces_are_the_slopes_of_energies(coupled_body):
     """The energy is quadratic: a central difference is exact. Vertices of plain cells, of the ramp and of the patches; cells that particles have to themselves store nothing."""
-    stepper = coupled_plate().stepper()
+    stepper = coupled_body().stepper()
     solution, mesh = stepper.solution, stepper.solution.mesh
     solution.displacement[:] = np.random.default_rng(1).uniform(-1, 1, mesh.points.shape)
     solution.evaluate(0.0)
     force, energies = solution.force.copy(), solution.strain_energies()
-    assert np.all(energies[stepper.patches.whole] == 0.0) and stepper.patches.whole.sum() > 0 and np.all(energies[~stepper.patches.whole] > 0.0)
+    assert len(energies) == (~stepper.patches.whole).sum() < 24 and np.all(energies > 0.0)
     assert np.abs(force.sum(axis=0)).max() < 1e-12, "elements move nothing as a whole"
     for vertex in range(0, len(mesh.points), 3):
         ends = []
@@ -42,8 +42,8 @@ def test_forces_are_the_slopes_of_energies(coupled_plate):
         assert force[vertex, 1] == pytest.approx(ends[1] - ends[0], abs=1e-11)
 
 
-def test_masses_outside_add_up(coupled_plate):
-    stepper = coupled_plate().stepper()
+def test_masses_outside_add_up(coupled_body):
+    stepper = coupled_body().stepper()
     solution, mesh, patches = stepper.solution, stepper.solution.mesh, stepper.patches
     assert solution.outside_mass.sum() == pytest.approx(16.0 * (~patches.enriched).sum()) and 0 < patches.enriched.sum() < 24
     inner = ~np.isin(np.arange(len(mesh.points)), mesh.cells[~patches.enriched])
@@ -52,8 +52,8 @@ def test_masses_outside_add_up(coupled_plate):
     assert solution.kinetic_energies().sum() == pytest.approx(0.5 * 25.0 * solution.outside_mass.sum())
 
 
-def test_loads_outside_act_and_work(coupled_plate):
-    stepper = coupled_plate(extra=PULLED).stepper()
+def test_loads_outside_act_and_work(coupled_body):
+    stepper = coupled_body(extra=PULLED).stepper()
     solution, patches = stepper.solution, stepper.patches
     solution.displacement[:] = 0.0
     solution.evaluate(0.0)
@@ -68,9 +68,9 @@ def test_loads_outside_act_and_work(coupled_plate):
     assert solution.external_work().sum() == pytest.approx(kept.sum())
 
 
-def test_prescribed_velocities_are_met_and_accounted_for(coupled_plate):
+def test_prescribed_velocities_are_met_and_accounted_for(coupled_body):
     """The work of the hold is the kinetic energy it gives, less what the other forces do: here (3 + 5)/2 . du over the step."""
-    parts = coupled_plate(tip=None, extra=HELD).coupled_parts
+    parts = coupled_body(tip=None, extra=HELD).coupled_parts
     solution, dt = parts.solution, 0.5
     left = parts.mesh.points[:, 0] == -12.0
     assert np.array_equal(solution.held[:, 0], left) and not solution.held[:, 1].any()
@@ -98,8 +98,8 @@ def test_velocities_are_taken_where_they_are_standard():
     assert velocity.tolist() == [[1.5, 1.0], [0.0, 0.0]] and acceleration.tolist() == [[1.0, -2.0], [0.0, 0.0]] and previous.tolist() == [[5.0, 6.0], [7.0, 8.0]]
 
 
-def test_before_the_first_step_there_was_no_other_acceleration(coupled_plate):
-    solution = coupled_plate(tip=None).coupled_parts.solution
+def test_before_the_first_step_there_was_no_other_acceleration(coupled_body):
+    solution = coupled_body(tip=None).coupled_parts.solution
     everywhere = np.ones(len(solution.mesh.points), bool)
     for change, acceleration, previous in ((1.0, 2.0, 2.0), (4.0, 6.0, 2.0)):
         solution.change[:] = change

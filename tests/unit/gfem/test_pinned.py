@@ -31,8 +31,8 @@ def set_velocity(stepper, field):
     local.subdomain.particles.velocity[local.points.slots] = field(local.subdomain.places_at(local.points.slots))
 
 
-def test_a_translation_stays_what_it_is(coupled_plate):
-    stepper, speed = coupled_plate(STEP).stepper(), np.array([1e-3, -4e-3])
+def test_a_translation_stays_what_it_is(coupled_body):
+    stepper, speed = coupled_body(STEP).stepper(), np.array([1e-3, -4e-3])
     set_velocity(stepper, lambda x: np.broadcast_to(speed, x.shape))
     energy = stepper.ledger()["kinetic_energy"].sum()
     for _ in range(10):
@@ -45,9 +45,9 @@ def test_a_translation_stays_what_it_is(coupled_plate):
     assert ledger["kinetic_energy"].sum() == pytest.approx(energy, rel=1e-13) and ledger["strain_energy"].sum() < 1e-20
 
 
-def test_a_turn_is_kept_up_to_what_the_ramp_cannot_hold(coupled_plate):
+def test_a_turn_is_kept_up_to_what_the_ramp_cannot_hold(coupled_body):
     """(1 - alpha) times a linear field is not in the span of the hats: an error of the order of the cell, which does not grow, nor feed on energy."""
-    stepper = coupled_plate(STEP).stepper()
+    stepper = coupled_body(STEP).stepper()
     set_velocity(stepper, lambda x: 1e-3 * np.stack([-x[:, 1], x[:, 0]], axis=1))
     energy, errors = stepper.ledger()["kinetic_energy"].sum(), []
     for number in range(1, 11):
@@ -60,9 +60,9 @@ def test_a_turn_is_kept_up_to_what_the_ramp_cannot_hold(coupled_plate):
     assert ledger["kinetic_energy"].sum() + ledger["strain_energy"].sum() == pytest.approx(energy, rel=0.02)
 
 
-def test_a_body_falls_as_one(coupled_plate):
+def test_a_body_falls_as_one(coupled_body):
     """Under a uniform force density b every point moves by b t^2/2, once the collar knows the acceleration of the step before."""
-    stepper = coupled_plate(STEP, extra=GRAVITY).stepper()
+    stepper = coupled_body(STEP, extra=GRAVITY).stepper()
     b = np.array([1e-3, -2e-3])
     stepper.solution.acceleration[:] = stepper.solution.previous_acceleration[:] = b
     for _ in range(5):
@@ -73,17 +73,17 @@ def test_a_body_falls_as_one(coupled_plate):
     assert work == pytest.approx(384 * 18.0 * b @ b, rel=1e-12), "force times way, 384 particles of unit volume"
 
 
-def test_momentum_is_conserved(coupled_plate, shake):
-    stepper = shake(coupled_plate(STEP).stepper(), 1e-2)
+def test_momentum_is_conserved(coupled_body, shake):
+    stepper = shake(coupled_body(STEP).stepper(), 1e-2)
     before = momentum(stepper)
     for _ in range(10):
         stepper.advance()
     assert momentum(stepper) == pytest.approx(before, abs=1e-12) and np.abs(before).max() > 0.1
 
 
-def test_without_patches_it_is_central_differences(coupled_plate):
+def test_without_patches_it_is_central_differences(coupled_body):
     """u'' = M^-1 (-K u + b), K from forces of unit displacements."""
-    stepper = coupled_plate(STEP, tip=None, extra=GRAVITY).stepper()
+    stepper = coupled_body(STEP, tip=None, extra=GRAVITY).stepper()
     solution, n = stepper.solution, 2 * len(stepper.solution.mesh.points)
     matrix = np.empty((n, n))
     for column in range(n):
@@ -104,9 +104,9 @@ def test_without_patches_it_is_central_differences(coupled_plate):
     assert solution.displacement.ravel() == pytest.approx(u, abs=1e-11) and solution.velocity.ravel() == pytest.approx(v, abs=1e-11)
 
 
-def test_with_patches_everywhere_it_is_the_particles_alone(coupled_plate):
+def test_with_patches_everywhere_it_is_the_particles_alone(coupled_body):
     crack = '[[crack]]\ntype = "polyline"\npoints = [[-13.0, 0.0], [-4.0, 0.0]]\n'
-    stepper = coupled_plate(STEP + ("gfem.everywhere=true",)).stepper()
+    stepper = coupled_body(STEP + ("gfem.everywhere=true",)).stepper()
     other = problem_of(plate((24, 16), extra=crack), ["time.dt=0.4", "time.end=0.4"])
     for particles in (stepper.local.subdomain.particles, other.subdomain.particles):
         particles.put(particles.displacement, 0.02 * noise(particles.id, 2))
@@ -124,9 +124,9 @@ def test_with_patches_everywhere_it_is_the_particles_alone(coupled_plate):
     assert mine.owned(mine.position) == pytest.approx(particles.owned(particles.position), abs=1e-13) and mine.owned(mine.velocity) == pytest.approx(particles.owned(particles.velocity), abs=1e-13)
 
 
-def test_one_step_solves_the_formulas(coupled_plate, shake):
+def test_one_step_solves_the_formulas(coupled_body, shake):
     """A step from a rough state against dense M^ and right sides summed over lanes in numpy, formulas 1 and 2 of the module."""
-    stepper = shake(coupled_plate(STEP).stepper(), 1e-2)
+    stepper = shake(coupled_body(STEP).stepper(), 1e-2)
     stepper.advance()
     solution, local, patches = stepper.solution, stepper.local, stepper.patches
     mesh, blended, lattice, particles, dt = solution.mesh, local.blended, local.lattice, local.subdomain.particles, stepper.dt
@@ -165,8 +165,8 @@ def test_one_step_solves_the_formulas(coupled_plate, shake):
     assert solution.acceleration[standard] == pytest.approx(((e - v) / dt)[standard], abs=1e-13)
 
 
-def test_all_of_a_patch_is_enriched(coupled_plate):
-    stepper = coupled_plate().stepper()
+def test_all_of_a_patch_is_enriched(coupled_body):
+    stepper = coupled_body().stepper()
     assert [each.tolist() for each in stepper.scheme.enriched] == [[stepper.patches.chosen.sum()] * 2] * 2
     assert np.array_equal(stepper.scheme.weight(stepper.patches), stepper.patches.chosen)
 

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 
-def test_momentum_of_whole_particles_and_of_blended_ones(coupled_plate, comm):
+def test_momentum_of_whole_particles_and_of_blended_ones(pulled_plate, comm):
     """Both ways to say what the points get agree where alpha is 1 around: I1 + dt b = rho (V - v^n), I2 + dt^2/2 b = rho (U - u^n - dt v^n)."""
-    parts, stepper = coupled_plate(comm, "galerkin")
+    parts, stepper = pulled_plate(comm, "galerkin")
     parts.local.law.break_at[...] = np.inf
     for _ in range(3):
         stepper.advance()
@@ -34,9 +34,9 @@ def outside(parts, sums):
     return parts.local.volume * sums.transpose(0, 2, 1).reshape(-1, 2)[lanes].sum()
 
 
-def test_forces_of_a_uniform_strain(coupled_plate, comm):
+def test_forces_of_a_uniform_strain(pulled_plate, comm):
     """With alpha = 1 within their reach, particles away from the body's edges and the crack are in equilibrium; at free edges they are not."""
-    parts, stepper = coupled_plate(comm, "galerkin", everywhere=True)
+    parts, stepper = pulled_plate(comm, "galerkin", everywhere=True)
     state, points, mesh = stepper.scheme.state, parts.local.points, parts.mesh
     cell = np.repeat(points.cell, np.diff(points.start))
     place = np.einsum("pa,pad->pd", points.shape, mesh.points[mesh.cells[cell]])

@@ -49,9 +49,17 @@ def test_cells_whose_particles_are_elsewhere_have_none(parts):
     corner = np.array([[0.0, -4.0], [4.0, -4.0], [4.0, 0.0], [0.0, 0.0], [100.0, 100.0], [-104.0, 0.0]])
     lattice.mesh = type("Mesh", (), {"points": corner, "cells": np.array([[0, 1, 2, 3], [4, 4, 4, 4], [5, 5, 5, 5]])})
     try:
+        assert len(lattice.listed(np.arange(3))[0]) == 0
         assert np.all(lattice.slots_of(np.arange(3, dtype=np.int32)) == -1), "in the hole, and beyond the grid of the lattice on both sides"
     finally:
         lattice.mesh = kept
+
+
+def test_particles_are_listed_cell_by_cell(parts):
+    slots, cell, number = parts.lattice.listed([7, 2])
+    assert np.array_equal(slots, parts.lattice.slots_of(np.array([7, 2], np.int32)).ravel())
+    assert np.array_equal(cell, np.repeat([7, 2], 16)) and np.array_equal(number, np.tile(np.arange(16), 2))
+    assert all(len(each) == 0 for each in parts.lattice.listed([]))
 
 
 def test_points_of_some_cells(parts):
@@ -66,11 +74,11 @@ def test_points_of_some_cells(parts):
 
 def test_interpolation_is_exact_for_bilinear_fields(parts):
     lattice, mesh, subdomain = parts.lattice, parts.mesh, parts.part.subdomain
-    points = lattice.points_of(np.arange(23), np.ones(2))
+    slots, cell, number = lattice.listed(np.arange(23))
 
     def field(x):
         return np.stack([1.0 + 2.0 * x[:, 0] - x[:, 1], x[:, 0] * x[:, 1], np.full(len(x), 3.0)], axis=1)
 
-    result = np.empty((len(points.slots), 3))
-    interpolate(mesh.cells, np.repeat(points.cell, 16), points.shape, field(mesh.points), result)
-    assert result == pytest.approx(field(subdomain.places_at(points.slots)), abs=1e-11)
+    result = np.empty((len(slots), 3))
+    interpolate(mesh.cells, cell, number, lattice.shape, field(mesh.points), result)
+    assert result == pytest.approx(field(subdomain.places_at(slots)), abs=1e-11)

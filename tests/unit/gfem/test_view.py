@@ -8,8 +8,8 @@ CRACK = '[[crack]]\ntype = "polyline"\npoints = [[-13.0, 0.0], [-4.0, 0.0]]\n'
 PULLED = '[[load]]\ntype = "force_density"\nregion = "all"\nvalue = [1e-3, -2e-3]\n'
 
 
-def test_every_particle_is_where_its_owner_has_it(coupled_plate, shake):
-    stepper = coupled_plate().stepper()
+def test_every_particle_is_where_its_owner_has_it(coupled_body, shake):
+    stepper = coupled_body().stepper()
     view, local, solution = stepper.view, stepper.local, stepper.solution
     shake(stepper, 1e-2)
     view.prepare()
@@ -27,9 +27,9 @@ def test_every_particle_is_where_its_owner_has_it(coupled_plate, shake):
     assert np.array_equal(particles.velocity, kept), "looking leaves the particles alone"
 
 
-def test_fields_are_those_of_particles_alone(coupled_plate, shake):
+def test_fields_are_those_of_particles_alone(coupled_body, shake):
     """Of the same displacements: energies, stress, strain and damage need what bonds reach, ghosts of no one."""
-    stepper = shake(coupled_plate(extra=PULLED).stepper(), 1e-2)
+    stepper = shake(coupled_body(extra=PULLED).stepper(), 1e-2)
     view = stepper.view
     view.prepare()
     other = problem_of(plate((24, 16), extra=CRACK + PULLED))
@@ -41,8 +41,8 @@ def test_fields_are_those_of_particles_alone(coupled_plate, shake):
         assert view.field(name) == pytest.approx(expected, abs=1e-12 * np.abs(expected).max() + 1e-15), name
 
 
-def test_what_is_not_finite_is_found(coupled_plate):
-    stepper = coupled_plate().stepper()
+def test_what_is_not_finite_is_found(coupled_body):
+    stepper = coupled_body().stepper()
     view, particles = stepper.view, stepper.local.subdomain.particles
     view.prepare()
     assert view.first_not_finite() is None
@@ -57,8 +57,8 @@ def test_what_is_not_finite_is_found(coupled_plate):
     assert np.all(np.abs(np.array(view.first_not_finite()[1]) - (12.0, 8.0)) <= 4.0), "a vertex shows in the particles of its cells"
 
 
-def test_foremost_damage(coupled_plate, lose_bonds):
-    stepper = coupled_plate().stepper()
+def test_foremost_damage(coupled_body, lose_bonds):
+    stepper = coupled_body().stepper()
     view, local = stepper.view, stepper.local
     x, members = view.places()[:, 0], np.arange(view.n)
     assert view.foremost(members, x, 0.2) == -1, "pre-cracks are no damage"

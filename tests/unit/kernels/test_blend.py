@@ -51,7 +51,7 @@ def arguments(problem, alpha, rows=None):
     rows = np.concatenate(subdomain.rows) if rows is None else rows
     sums = [np.full((len(rows), particles.dim, 8), start) for start in (5.0, -2.0)]
     force = np.full(particles.position.shape[::-1], 99.0).T
-    return (subdomain.bonds.arrays, subdomain.points, problem.body.law, particles.third, rows, alpha, force, particles.dissipated, WEIGHTS, *sums), force, sums
+    return (subdomain.bonds.arrays, subdomain.points, problem.body.law, particles.third, rows, alpha, np.ones(len(alpha)), force, particles.dissipated, WEIGHTS, *sums), force, sums
 
 
 def by_owned(subdomain, rows, values):
@@ -108,6 +108,15 @@ def test_bonds_break_as_in_the_plain_sweep_and_exert_nothing(sweep):
         found.append((broken, subdomain.bonds.alive(), particles.owned(force).copy(), particles.owned(particles.dissipated).copy()))
     assert found[0][0] == found[1][0] > 100
     assert np.array_equal(found[0][1], found[1][1]) and found[0][2] == pytest.approx(found[1][2], abs=1e-15) and np.array_equal(found[0][3], found[1][3])
+
+
+def test_bonds_of_particles_that_do_not_move_are_not_watched():
+    problem, alpha = displaced((17, 9), material="critical_stretch = 0.004")
+    call, _, _ = arguments(problem, alpha)
+    call[6][:] = 0.0
+    assert blend.blended_forces(*call) == 0
+    call[6][:] = 1.0
+    assert blend.blended_forces(*call) > 100
 
 
 def test_only_the_rows_asked_for_are_done():
@@ -223,3 +232,29 @@ def test_moduli_of_a_whole_family_of_the_square_lattice():
                 expected += 0.5 * c * min(1.0, horizon + 0.5 - r) * r * np.outer(v, v)
     assert moduli[0] == pytest.approx(expected, rel=1e-12, abs=1e-15)
     assert expected[0, 1] == pytest.approx(expected[2, 2], rel=1e-14) and expected[0, 0] == pytest.approx(3 * expected[0, 1], rel=0.06), "Cauchy's relation, near isotropy"
+
+
+def test_rows_that_may_be_strained(lose_bonds):
+    """Whoever strained_or_broken marks is marked, and few others: triggers lie a little early; broken bonds count once they are not known."""
+    problem, _ = displaced((17, 9), material="critical_stretch = 0.01")
+    subdomain, particles, x = problem.subdomain, problem.subdomain.particles, problem.subdomain.places()
+    u = np.zeros_like(x)
+    u[:, 0] = 0.006 * np.maximum(x[:, 0], 0.0)
+    particles.put(particles.position, u)
+    rows = np.sort(np.concatenate(subdomain.rows))[1:]
+    lane = (rows[:, None] + np.arange(8)).ravel()
+    known, flags = subdomain.bonds.arrays.alive[:, lane].copy(), np.full(len(lane), 9.0)
+    places = np.full(len(particles.position), -np.inf)
+    places[particles.slots] = x[:, 0]
+
+    def marked(share):
+        blend.strained_rows(subdomain.bonds.arrays, subdomain.points, rows, share, known, flags)
+        assert set(flags) <= {0.0, 1.0}
+        return flags > 0.0
+
+    assert np.array_equal(marked(0.59), places[lane] >= -0.5) and not marked(0.61).any()
+    row = int(np.flatnonzero(particles.slots == lane[places[lane] > -np.inf][20])[0])
+    lose_bonds(subdomain, row)
+    assert np.array_equal(np.flatnonzero(marked(0.61)), np.flatnonzero(lane == particles.slots[row]))
+    known[:] = subdomain.bonds.arrays.alive[:, lane]
+    assert not marked(0.61).any()

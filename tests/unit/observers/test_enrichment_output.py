@@ -2,8 +2,8 @@ from pdhpc.observers.enrichment_output import EnrichmentOutput
 from pdhpc.output.enrichment_file import read_enrichment
 
 
-def test_written_at_the_end(coupled_plate, comm, tmp_path):
-    _, stepper = coupled_plate(comm, "galerkin")
+def test_written_at_the_end(pulled_plate, comm, tmp_path):
+    _, stepper = pulled_plate(comm, "galerkin")
     stepper.advance()
     EnrichmentOutput(comm, tmp_path).finish(stepper)
     data, attributes = read_enrichment(tmp_path)

@@ -4,15 +4,15 @@ import pytest
 from pdhpc.scene.read import parse_scene
 from pdhpc.scene.schema import SceneError
 from pdhpc.study import estimate as module
-from pdhpc.study.estimate import _family_size, estimate
+from pdhpc.study.estimate import family_size, estimate
 from pdhpc.study.verify.case import plate, problem_of
 from pdhpc.warm_up import PATHS
 
 NO_FAIL = '[[region]]\nname = "part"\nshape = "half_space"\npoint = [{x}, 0.0]\nnormal = [1.0, 0.0]\n[damage]\nno_fail = ["part"]\n'
 
 
-def test_family_sizes_of_known_lattices():
-    assert _family_size(3, 3.0 + 1e-9) == 122 and _family_size(2, 3.0 + 1e-9) == 28 and _family_size(2, 1.5) == 8
+def testfamily_sizes_of_known_lattices():
+    assert family_size(3, 3.0 + 1e-9) == 122 and family_size(2, 3.0 + 1e-9) == 28 and family_size(2, 1.5) == 8
 
 
 CHOICES = [[f"particles.path={path}", *model] for path in PATHS for model in ([], ["material.solid.model=lps", "material.solid.poissons_ratio=0.2"])]
