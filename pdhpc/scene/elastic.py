@@ -186,7 +186,8 @@ def _check_probes(scene, mesh, comm):
         if probe.point is not None:
             distance = smallest(comm, float(np.linalg.norm(mesh.points - np.asarray(probe.point), axis=1).min(initial=np.inf)))
             if distance > reach:
-                raise scene.error(f"probe '{probe.name}': point", f"{probe.point}, {distance:.3g} m from the nearest vertex", f"a point within a cell ({reach:.3g} m) of one")
+                found = f"{probe.point}, {distance:.3g} m from the nearest vertex"
+                raise scene.error(f"probe '{probe.name}': point", found, f"a point within a cell ({reach:.3g} m) of one")
 
 
 def _net_forces(stepper):

@@ -65,7 +65,8 @@ end = 1.0
 def compile_mesh(scene, comm):
     """Call every kernel of a run of finite elements once, on a small box; comm : of this process alone. Local."""
     zero, one = [0.0] * scene.dim, [1.0] + [0.0] * (scene.dim - 1)
-    text = MESH.format(dimension=scene.dimension, integration=scene.fem.integration, moduli=scene.moduli, partition_of_unity=scene.fem.partition_of_unity, lower=zero,
+    fem = scene.fem
+    text = MESH.format(dimension=scene.dimension, integration=fem.integration, moduli=scene.moduli, partition_of_unity=fem.partition_of_unity, lower=zero,
                        upper=[4.0] * scene.dim, near=[0.1] + zero[1:], down=[-1.0] + zero[1:], far=[3.9] + zero[1:], up=one)
     problem = build(parse_scene(text, "warm-up"), comm)
     with contextlib.suppress(SolverError):  # whether the scene's own system is solved the run will see
