@@ -54,6 +54,7 @@ class CoupledStep:
     def choose_patches(self):
         """Add the patches of cells that want particles, and with them those of cells that soon will: patches then grow in fewer, larger steps."""
         with self._timed("choose"):
+            self.local.put_collar(self.solution.displacement)
             if largest(self.comm, int(self._wanting(self._activation).any())):
                 if largest(self.comm, self.patches.add(self._wanting(_SOON * self._activation))):
                     self.follow()
@@ -177,6 +178,7 @@ class CoupledStep:
         self.follow()
         for field, values in kept:  # of particles that the mesh has just given its own
             particles.put(field, values)
+        self.local.find_broken()
         self.local.refresh()
         self.scheme.settle()
         solution.evaluate(self.time)
