@@ -54,6 +54,7 @@ class CoupledStep:
     def choose_patches(self):
         """Add the patches of cells that want particles, and with them those of cells that soon will: patches then grow in fewer, larger steps."""
         with self._timed("choose"):
+            self.local.stand_collar(self.solution.displacement)
             if largest(self.comm, int(self._wanting(self._activation).any())):
                 if largest(self.comm, self.patches.add(self._wanting(_SOON * self._activation))):
                     self.follow()
