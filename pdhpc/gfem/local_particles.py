@@ -107,6 +107,7 @@ class LocalParticles:
         slots, cell, number = self.slots_of(cells)
         status = np.empty(len(slots), np.int8)
         blend.find_blended(arrays, domain.particles.block, slots, self.alpha, status)
+        status[(status == 2) & ~self.inside[slots]] = 1  # in cells that patches surround: all force is theirs, but functions of the mesh move them
         self._status[slots], self._cell[slots], self._number[slots] = status, cell + 1, number
         mark_rows(slots, self._status, self._inverse_density, self._swept)
         self.rows = rows_with(self._swept, WHOLE, MIXED)
@@ -134,6 +135,11 @@ class LocalParticles:
     def bytes_sent(self):
         """Bytes that this rank sends per sub-step."""
         return self._positions.bytes_sent if self._positions is not None else 0
+
+    def stand_collar(self, displacement):
+        """Put the collar where nodal displacements (n_vertices, dim), ghosts fresh, have it now. Local."""
+        interpolate(self.lattice.mesh.cells, self.collar.cell, self.collar.number, self.lattice.shape, displacement, self.collar.displacement)
+        self._place_collar(0.0)
 
     def hold_collar(self, displacement, velocity, acceleration):
         """Take from nodal fields (n_vertices, dim), ghosts fresh, how the collar moves in the step to come. Local."""

@@ -37,7 +37,7 @@ def make_lattice_elasticity(scene, body, comm):
     material = LatticeMaterial(lattice, part.subdomain, particles.law)
     volume = lattice.ratio**scene.dim * particles.cell_volume
     own = {
-        "stiffness": material.stiffness[:: 2 ** body.mesh.cells.shape[1]],  # those of elements that particles replace nowhere
+        "stiffness": material.whole_stiffness,
         "mass": material.consistent,
         "moduli": material.moduli.mean(axis=1),
         "density": material.lumped.sum(axis=1) / volume,
