@@ -136,11 +136,6 @@ class LocalParticles:
         """Bytes that this rank sends per sub-step."""
         return self._positions.bytes_sent if self._positions is not None else 0
 
-    def stand_collar(self, displacement):
-        """Put the collar where nodal displacements (n_vertices, dim), ghosts fresh, have it now. Local."""
-        interpolate(self.lattice.mesh.cells, self.collar.cell, self.collar.number, self.lattice.shape, displacement, self.collar.displacement)
-        self._place_collar(0.0)
-
     def hold_collar(self, displacement, velocity, acceleration):
         """Take from nodal fields (n_vertices, dim), ghosts fresh, how the collar moves in the step to come. Local."""
         collar, cells = self.collar, self.lattice.mesh.cells
