@@ -2,8 +2,8 @@
 
     K_e(alpha) = sum_p V (1 - alpha_p) B_p^T C_p B_p,   C_p = 1/2 sum_q c omega beta V |xi| (e e)(e e),
 
-at the particles of each cell (nodal quadrature). C_p counts the bonds that a particle has at the start of the run, before pre-cracks: within a horizon of an edge it is
-softer, as the particles are. Cells of equal bonds share one K_e.
+at the particles of each cell (nodal quadrature). C_p counts the bonds that a particle has at the start of the run, before pre-cracks: within a horizon of an
+edge it is softer, as the particles are. Cells of equal bonds share one K_e.
 """
 from functools import cached_property
 
@@ -63,7 +63,8 @@ class LatticeMaterial:
         corners = shape.shape[1]
         parts = np.zeros((corners, count, self.degrees, self.degrees))
         for a in range(corners):
-            cell_stiffness(self._lattice.gradient, self.moduli, np.arange(count, dtype=np.int32), np.broadcast_to(shape[:, a], (count, len(shape))), self.volume, parts[a])
+            weight = np.broadcast_to(shape[:, a], (count, len(shape)))
+            cell_stiffness(self._lattice.gradient, self.moduli, np.arange(count, dtype=np.int32), weight, self.volume, parts[a])
         outside = 1.0 - (np.arange(2**corners)[:, None] >> np.arange(corners) & 1)
         table = np.einsum("ra,akmn->krmn", outside, parts)
         return np.ascontiguousarray(table.reshape(count * 2**corners, self.degrees, self.degrees))

@@ -36,7 +36,7 @@ class CoupledView(View):
             field[slots] = values
 
     def field(self, name):
-        """Return the field `name` (peridynamics/fields.py, and "active": 1 where particles move by themselves) of all particles. Local; after `prepare`."""
+        """Return the field `name` (peridynamics/fields.py) of all particles. Local; after `prepare`."""
         particles = self._local.subdomain.particles
         if name == "displacement":
             return particles.owned(particles.position)

@@ -74,6 +74,17 @@ def test_a_continued_run_needs_no_more_than_the_state(coupled_body, shake, schem
         assert other.ledger()[name].sum() == pytest.approx(values.sum(), rel=1e-12), name
 
 
+def test_the_collar_is_told_where_the_mesh_goes(coupled_body):
+    """The acceleration in the middle of the step to come: a_n + (a_n - a_{n-1})/2."""
+    stepper = coupled_body(STEP).stepper()
+    solution, collar = stepper.solution, stepper.local.collar
+    solution.displacement[:], solution.velocity[:] = (1.0, 2.0), (3.0, 4.0)
+    solution.acceleration[:], solution.previous_acceleration[:] = (5.0, 6.0), (7.0, 10.0)
+    stepper.seed_particles()
+    for found, expected in ((collar.displacement, (1.0, 2.0)), (collar.velocity, (3.0, 4.0)), (collar.acceleration, (4.0, 4.0))):
+        assert len(found) > 0 and found == pytest.approx(np.broadcast_to(expected, found.shape))
+
+
 def test_cells_without_particles_join_when_their_strain_says_so(coupled_body):
     """Uniform strain e along x: above theta s0 all cells that may fail join, below none; the activation is 0.6 unless the scene says otherwise."""
     for strain, joins in ((0.0119, False), (0.0121, True)):
