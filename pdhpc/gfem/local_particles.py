@@ -107,6 +107,7 @@ class LocalParticles:
         slots, cell, number = self.slots_of(cells)
         status = np.empty(len(slots), np.int8)
         blend.find_blended(arrays, domain.particles.block, slots, self.alpha, status)
+        status[(status == 2) & ~self.inside[slots]] = 1  # in cells that patches surround: all force is theirs, but functions of the mesh move them
         self._status[slots], self._cell[slots], self._number[slots] = status, cell + 1, number
         mark_rows(slots, self._status, self._inverse_density, self._swept)
         self.rows = rows_with(self._swept, WHOLE, MIXED)

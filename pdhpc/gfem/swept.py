@@ -88,7 +88,8 @@ def take_lanes(rows, status, cell, number, alpha, inside, block, density, lane_c
 def mark_rows(slots, status, inverse_density, marks):
     """Set marks (n_slots / 8,) of the rows that hold `slots` (n,) from the status of their eight particles.
 
-    status (n_slots,) : 0 no alpha around, 1 some, 2 all 1 (blend.find_blended). inverse_density (n_slots,) : above 0 where a particle moves.
+    status (n_slots,) : 0 no alpha around, 1 some, 2 all 1 (blend.find_blended). inverse_density (n_slots,) : above 0 where a particle moves; what acts on the others
+    is not to be had from their motion.
     """
     for n in range(len(slots)):
         row = slots[n] // LANES
@@ -98,7 +99,7 @@ def mark_rows(slots, status, inverse_density, marks):
         for i in range(LANES * row, min(LANES * row + LANES, len(status))):
             if status[i] > 0:
                 mark |= WHOLE
-            if status[i] == 1:
+            if status[i] == 1 or (status[i] == 2 and inverse_density[i] == 0.0):
                 mark |= MIXED
             if inverse_density[i] > 0.0:
                 mark |= MOVING

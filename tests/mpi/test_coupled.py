@@ -168,7 +168,10 @@ def test_a_stored_state_goes_on(comm, name, scheme):
 
 
 @pytest.mark.mpi(min_size=2)
-@pytest.mark.parametrize("name", [name for name, each in CASES.items() if name.startswith("gfem_") and not each.slow])
+@pytest.mark.parametrize("name", ("gfem_ghost_force", "gfem_collar", "gfem_everywhere", "gfem_free", "gfem_fracture", "gfem_poster", "gfem_poster_functions", "gfem_instant"))
 def test_verification_on_all_ranks(comm, name):
+    """More than two ranks would only share less work: the tests above are for them."""
+    if comm.size > 2:
+        pytest.skip("on two ranks")
     failures = [f"{check.what}: {check.measured!r}, expected {check.expected!r}" for check in CASES[name].function() if not check.passed]
     assert not failures, failures

@@ -115,7 +115,7 @@ class Result(NamedTuple):
     """What a run came to, of all ranks.
 
     u (4, n, 2), m, and energy (4,), J, of all particles as peridynamics has it, at the four quarters. tip (n_steps,), m, after each step. broken bonds;
-    particle_steps of the coupled run's particles. share (n_steps,) of particles that moved by themselves.
+    particle_steps : sub-steps of all particles that moved by themselves, 0 where all do.
     """
 
     u: np.ndarray
