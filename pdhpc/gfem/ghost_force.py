@@ -23,9 +23,7 @@ def ghost_force(local, solution, strain=(1.0, 1.0, 0.0)):
     position[slots] = domain.places_at(slots) @ gradient.T
     force, impulse = np.zeros(particles.position.shape[::-1]).T, np.zeros_like(blended.impulse)
     law = local.law._replace(break_at=np.full_like(local.law.break_at, np.inf))
-    arrays, count = domain.bonds.arrays, len(domain.bonds.arrays.offset)
-    whole = np.array([2 ** min(WORD, count - WORD * word) - 1 for word in range(len(arrays.alive))], np.uint64)
-    bonds = arrays._replace(trigger=np.full_like(arrays.trigger, np.inf), alive=np.repeat(whole[:, None], arrays.alive.shape[1], axis=1))
+    bonds = _whole(domain.bonds.arrays)
     points = domain.points._replace(position=position)
     weights, moment = np.array([1.0, 0.0]), np.zeros_like(impulse)
     blend.blended_forces(bonds, points, law, particles.third, blended.rows, local.alpha, local.alpha, force, particles.dissipated, weights, impulse, moment)
@@ -44,6 +42,13 @@ def ghost_force(local, solution, strain=(1.0, 1.0, 0.0)):
     scale = stress * mesh.cell_size[0] * local.volume / local.lattice.spacing**2
     found = np.abs(solution.right[: mesh.n_owned][inner]).max(initial=0.0)
     return float(found / scale) if scale > 0.0 else 0.0
+
+
+def _whole(arrays):
+    """Return the bonds of a lattice that fills all of space and never breaks. Local."""
+    count = len(arrays.offset)
+    words = np.array([2 ** min(WORD, count - WORD * word) - 1 for word in range(len(arrays.alive))], np.uint64)
+    return arrays._replace(trigger=np.full_like(arrays.trigger, np.inf), alive=np.repeat(words[:, None], arrays.alive.shape[1], axis=1))
 
 
 def _inner(mesh):
