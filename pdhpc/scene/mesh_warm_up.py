@@ -4,6 +4,7 @@ import contextlib
 from pdhpc.fem.critical_step import critical_step
 from pdhpc.fem.internal_forces import InternalForces, make_sweep
 from pdhpc.fem.nodes import Nodes
+from pdhpc.gfem.display import displayed
 from pdhpc.parallel.comm import compile_exact_sum
 from pdhpc.parallel.linear_solver import SolverError
 from pdhpc.scene.build import build
@@ -147,3 +148,5 @@ def compile_coupled(scene, comm):
     for gauge in gauges:
         gauge.read(stepper)
     gauges[0].start(stepper)
+    if scene.output.pictures:
+        displayed(comm, stepper)
