@@ -212,7 +212,7 @@ def _compile(scene, comm):
 
     if scene.uses_mesh:
         (compile_mesh if scene.model == "fem" else compile_coupled)(scene, comm)
-    if scene.uses_lattice:
+    if scene.model != "fem":
         path, model, linear = make_body(scene).path.split(":")[0], scene.material[0].model, scene.particles.kinematics == "linear"
         compile_kernels((scene.dim,), (path,), (model,), (linear,))
         if scene.method != "single":

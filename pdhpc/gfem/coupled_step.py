@@ -54,6 +54,7 @@ class CoupledStep:
     def choose_patches(self):
         """Add the patches of cells that want particles, and with them those of cells that soon will: patches then grow in fewer, larger steps."""
         with self._timed("choose"):
+            self.local.put_collar(self.solution.displacement)
             if largest(self.comm, int(self._wanting(self._activation).any())):
                 if largest(self.comm, self.patches.add(self._wanting(_SOON * self._activation))):
                     self.follow()
@@ -168,34 +169,34 @@ class CoupledStep:
         self.solution.evaluate(self.time)
         return found
 
+    def resume(self):
+        """Bring everything that follows from the state up to date, after a state was put in. Collective."""
+        solution, particles = self.solution, self.local.subdomain.particles
+        solution.refresh("displacement", "velocity", "acceleration", "previous_acceleration")
+        solution.first = self.step == 0
+        kept = [(field, particles.owned(field).copy()) for field in (particles.position, particles.velocity)]
+        self.follow()
+        for field, values in kept:  # of particles that the mesh has just given its own
+            particles.put(field, values)
+        self.local.find_broken()
+        self.local.refresh()
+        self.scheme.settle()
+        solution.evaluate(self.time)
+
     def state(self):
-        """Return {key: (getter, setter)} of everything a continued run needs; to be set in this order, then `resume`. Setting patches is collective."""
+        """Return {key: (getter, setter)} of everything a continued run needs; after the last setter, `resume`."""
         solution, mesh, particles = self.solution, self.solution.mesh, self.local.subdomain.particles
         n = mesh.n_owned
-        state = {"step": (lambda: self.step, self._go_to), "mesh/patches": (lambda: self.patches.chosen[:n], self._take_patches)}
+        state = {"step": (lambda: self.step, lambda value: setattr(self, "step", int(value)))}
+        state["mesh/patches"] = (lambda: self.patches.chosen[:n], self.patches.restore)  # setting it is collective over neighbours
         for name in ("displacement", "velocity", "acceleration", "previous_acceleration"):
             state[f"mesh/{name}"] = (lambda name=name: getattr(solution, name)[:n], lambda value, name=name: np.copyto(getattr(solution, name)[:n], value))
         for name in ("position", "velocity", "dissipated"):
             state[f"particles/{name}"] = (lambda name=name: particles.owned(getattr(particles, name)), lambda value, name=name: particles.put(getattr(particles, name), value))
         alive = self.local.subdomain.bonds.arrays.alive
         state["alive"] = (lambda: alive, lambda value: np.copyto(alive, value))
+        state["scheme/lost"] = (lambda: self.scheme.lost, lambda value: setattr(self.scheme, "lost", float(value)))
         return {**state, **solution.work_state(), **self.local.work_state()}
-
-    def resume(self):
-        """Bring what follows from a state that was set up to date: ghosts, nodal means of particles, forces of elements. Collective."""
-        self.solution.refresh("displacement", "velocity", "acceleration", "previous_acceleration")
-        self.local.refresh()
-        self.scheme.settle()
-        self.solution.evaluate(self.time)
-
-    def _go_to(self, step):
-        self.step = int(step)
-        self.solution.first = self.step == 0
-
-    def _take_patches(self, chosen):
-        """Enrich what a stored state had enriched; what the particles of it are comes after. Collective."""
-        self.patches.restore(chosen)
-        self.follow()
 
     def _timed(self, name):
         return _Timer(self._stages, name)

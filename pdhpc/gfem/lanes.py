@@ -4,7 +4,7 @@ Fields by slot are (n_slots, dim), each component together; lanes of rows are nu
 """
 import numpy as np
 
-from pdhpc.jit import kernel, sweep
+from pdhpc.jit import inlined, kernel, sweep
 from pdhpc.kernels.simd import LANES, fma, load8, splat, store8
 
 
@@ -86,59 +86,56 @@ def add_nodal(slots, chosen, shape, cells, nodal, field):
 def project_displacement(rows, lane_cell, number, shape, alpha, inside, before, velocity_before, moment, position, density, dt, volume, cells, result):
     """result += sum_p V_p N_i (dt rho v^n + I2 - rho alpha (U - u^n)) inside enriched cells, sum_p V_p N_i I2 outside; density (8 n_rows,), kg/m^3.
 
-    Lanes of a cell that follow each other are summed up before they are added.
+    2D; shape (n_points, 8), the four functions of a quad and zeros. Lanes of a cell that follow each other are summed up before they are added.
     """
-    corners, dim = cells.shape[1], result.shape[1]
-    total, last = np.zeros((corners, dim)), -1
+    scratch, last, x, y = np.zeros(2 * LANES), -1, splat(0.0), splat(0.0)
     for t in range(len(rows)):
-        for lane in range(8):
-            n = 8 * t + lane
+        for lane in range(LANES):
+            n = LANES * t + lane
             if lane_cell[n] != last:
-                _flush(cells, last, total, result)
-                last = lane_cell[n]
+                _flush(cells, last, x, y, scratch, result)
+                last, x, y = lane_cell[n], splat(0.0), splat(0.0)
             if last < 0:
                 continue
-            i = rows[t] + lane
-            for d in range(dim):
-                value = moment[t, d, lane]
-                if inside[n]:
-                    value += density[n] * (dt * velocity_before[t, d, lane] - alpha[n] * (position[i, d] - before[t, d, lane]))
-                for a in range(corners):
-                    total[a, d] += volume * shape[number[n], a] * value
-    _flush(cells, last, total, result)
+            i, fx, fy = rows[t] + lane, moment[t, 0, lane], moment[t, 1, lane]
+            if inside[n]:
+                fx += density[n] * (dt * velocity_before[t, 0, lane] - alpha[n] * (position[i, 0] - before[t, 0, lane]))
+                fy += density[n] * (dt * velocity_before[t, 1, lane] - alpha[n] * (position[i, 1] - before[t, 1, lane]))
+            functions = load8(shape, LANES * np.int64(number[n]))
+            x, y = fma(splat(volume * fx), functions, x), fma(splat(volume * fy), functions, y)
+    _flush(cells, last, x, y, scratch, result)
 
 
 @kernel
 def project_velocity(rows, lane_cell, number, shape, alpha, inside, velocity_before, impulse, velocity, density, volume, cells, result):
-    """result += sum_p V_p N_i (rho v^n + I1 - rho alpha V) inside enriched cells, sum_p V_p N_i I1 outside."""
-    corners, dim = cells.shape[1], result.shape[1]
-    total, last = np.zeros((corners, dim)), -1
+    """result += sum_p V_p N_i (rho v^n + I1 - rho alpha V) inside enriched cells, sum_p V_p N_i I1 outside; see project_displacement."""
+    scratch, last, x, y = np.zeros(2 * LANES), -1, splat(0.0), splat(0.0)
     for t in range(len(rows)):
-        for lane in range(8):
-            n = 8 * t + lane
+        for lane in range(LANES):
+            n = LANES * t + lane
             if lane_cell[n] != last:
-                _flush(cells, last, total, result)
-                last = lane_cell[n]
+                _flush(cells, last, x, y, scratch, result)
+                last, x, y = lane_cell[n], splat(0.0), splat(0.0)
             if last < 0:
                 continue
-            i = rows[t] + lane
-            for d in range(dim):
-                value = impulse[t, d, lane]
-                if inside[n]:
-                    value += density[n] * (velocity_before[t, d, lane] - alpha[n] * velocity[i, d])
-                for a in range(corners):
-                    total[a, d] += volume * shape[number[n], a] * value
-    _flush(cells, last, total, result)
+            i, fx, fy = rows[t] + lane, impulse[t, 0, lane], impulse[t, 1, lane]
+            if inside[n]:
+                fx += density[n] * (velocity_before[t, 0, lane] - alpha[n] * velocity[i, 0])
+                fy += density[n] * (velocity_before[t, 1, lane] - alpha[n] * velocity[i, 1])
+            functions = load8(shape, LANES * np.int64(number[n]))
+            x, y = fma(splat(volume * fx), functions, x), fma(splat(volume * fy), functions, y)
+    _flush(cells, last, x, y, scratch, result)
 
 
-@kernel
-def _flush(cells, cell, total, result):
-    """Add the sums of one cell's corners, total (corners, dim), to result, and forget them."""
+@inlined
+def _flush(cells, cell, x, y, scratch, result):
+    """Add the sums of one cell's corners, in the first lanes of x and y, to result (n_vertices, 2)."""
     if cell >= 0:
-        for a in range(len(total)):
-            for d in range(total.shape[1]):
-                result[cells[cell, a], d] += total[a, d]
-                total[a, d] = 0.0
+        store8(scratch, 0, x)
+        store8(scratch, LANES, y)
+        for a in range(cells.shape[1]):
+            result[cells[cell, a], 0] += scratch[a]
+            result[cells[cell, a], 1] += scratch[LANES + a]
 
 
 @kernel

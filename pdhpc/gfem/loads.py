@@ -59,7 +59,7 @@ def _add_nodal_loads(cells, chosen, nodal, enriched, result):
 
 
 class LoadOnLanes:
-    """A load on Blended particles inside enriched cells: it acts with the bonds' blended forces, by its own sums over the sub-steps."""
+    """A load on Blended particles inside enriched cells, `count` of them: it acts with the bonds' blended forces, by its own sums over the sub-steps."""
 
     def __init__(self, force, blended):
         """force : BodyForce on slots. Local."""
@@ -67,13 +67,12 @@ class LoadOnLanes:
         row = force.indices // LANES * LANES
         at = np.minimum(np.searchsorted(blended.rows, row), max(len(blended.rows) - 1, 0))
         found = (blended.rows[at] == row) if len(blended.rows) else np.zeros(len(row), bool)
-        self._row, self._lane, self._vector = at[found], (force.indices - row)[found], force.vector[found]
+        self._row, self._lane, self._vector, self.count = at[found], (force.indices - row)[found], force.vector[found], int(found.sum())
 
     def add_to(self, blended, first, second):
         """impulse += S1 b, moment += S2 b; S1, s, and S2, s^2, of sub_step_sums."""
-        if len(self._row):
-            blended.impulse[self._row, :, self._lane] += first * self._vector
-            blended.moment[self._row, :, self._lane] += second * self._vector
+        blended.impulse[self._row, :, self._lane] += first * self._vector
+        blended.moment[self._row, :, self._lane] += second * self._vector
 
 
 def sub_step_sums(time_function, start, tau, k):

@@ -111,7 +111,7 @@ class LocalParticles:
         mark_rows(slots, self._status, self._inverse_density, self._swept)
         self.rows = rows_with(self._swept, WHOLE, MIXED)
         self.moving = rows_with(self._swept, MOVING, 0)
-        self.blended = Blended(rows_with(self._swept, MIXED, 0), self.lattice.shape, self.lattice.mesh.dim)
+        self.blended = Blended(rows_with(self._swept, MIXED, 0), self.lattice.padded, self.lattice.mesh.dim)
         by_slot = self._status, self._cell, self._number, self.alpha, self.inside, self._block
         take_lanes(self.blended.rows, *by_slot, self.density, *self.blended.lanes)
 
@@ -141,6 +141,12 @@ class LocalParticles:
         for nodal, held in ((displacement, collar.displacement), (velocity, collar.velocity), (acceleration, collar.acceleration)):
             interpolate(cells, collar.cell, collar.number, self.lattice.shape, nodal, held)
 
+    def put_collar(self, displacement):
+        """Put the collar where the mesh is, displacement (n_vertices, dim) with fresh ghosts: what a look at bonds that reach into it needs. Local."""
+        collar = self.collar
+        interpolate(self.lattice.mesh.cells, collar.cell, collar.number, self.lattice.shape, displacement, collar.displacement)
+        self._place_collar(0.0)
+
     def run(self, k, tau, start):
         """Do k sub-steps of tau, s, from time `start` of velocity Verlet; blended impulses are summed on the way. Collective over neighbours.
 
@@ -166,7 +172,8 @@ class LocalParticles:
     def add_loads_to_sums(self, k):
         """Add what loads on blended particles did in the k sub-steps of the last run to their impulses and moments. Local."""
         for load in self.acting_on_lanes:
-            load.add_to(self.blended, *sub_step_sums(load.time_function, self.start, self.tau, k))
+            if load.count:
+                load.add_to(self.blended, *sub_step_sums(load.time_function, self.start, self.tau, k))
 
     def refresh(self):
         """Bring the positions of moving ghosts up to date. Collective over neighbours."""
@@ -255,6 +262,13 @@ class LocalParticles:
         self._watched_cell = np.where((cell >= 0) & (cell < len(cells)) & self.inside[lane], cell, -1)
         self._watched_cell[~cells[self._watched_cell]] = -1
         self._found, self._known = np.empty(len(lane), np.int64), np.ascontiguousarray(arrays.alive[:, lane])
+
+    def find_broken(self):
+        """Let watched particles that have broken bonds already, of a state that was put in, count as if these broke now. Local."""
+        lanes_watched = np.flatnonzero(self._watched_cell >= 0)
+        slots, broken = self._watched[lanes_watched // LANES] + lanes_watched % LANES, np.zeros(len(lanes_watched), bool)
+        blend.strained_or_broken(self.subdomain.bonds.arrays, self.subdomain.points, self.law, self._third, slots, np.inf, broken)
+        self._known[:, lanes_watched[broken]] = 0
 
     def wanting(self, share):
         """Return (n_owned_cells,) bool: watched cells with a particle that is stretched beyond `share` of its limit, or has a broken bond. Local."""

@@ -113,10 +113,11 @@ class MeshSolution:
             self.first = False
 
     def begin(self):
-        """Give prescribed components their velocity, and take their kinetic energy as that of the start. Local."""
+        """Give prescribed components their velocity, and take their kinetic energy as that of the start. Collective over neighbours."""
         for motion in self.motions:
             motion.settle(self.velocity, 0.0)
             motion.initial_kinetic = motion.kinetic(self.velocity, 0.5 * self.outside_mass[motion.indices])
+        self.refresh("velocity")
 
     def external_work(self):
         """Return (n,) J, contributions of this rank to the work of loads outside the patches and of prescribed motion. Local."""

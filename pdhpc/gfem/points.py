@@ -5,6 +5,7 @@ import numpy as np
 
 from pdhpc.jit import kernel
 from pdhpc.kernels.family import MIXED
+from pdhpc.kernels.simd import LANES
 
 
 _PIECE = 1 << 14
@@ -33,7 +34,7 @@ class CellLattice:
     ----------
     spacing, m. origin : (dim,), m, the first cell of the lattice's grid; step, cells : of its LatticeArrays.
     template : (ratio^dim, dim) int64, cells of the lattice in one of the mesh, in the order of slots. shape (ratio^dim, corners), gradient (ratio^dim, corners, dim), 1/m: of its
-    functions there. corner_gradient : at the particles in its corners.
+    functions there. padded : shape and zeros, eight columns. corner_gradient : at the particles in its corners.
     """
 
     def __init__(self, mesh, subdomain, element, spacing):
@@ -48,6 +49,8 @@ class CellLattice:
         self._number = np.argsort(np.ravel_multi_index(tuple(self.template.T), (self.ratio,) * dim))
         inside = (self.template + 0.5) / self.ratio
         self.shape, self.gradient = element.shape(inside), element.gradient(inside) / mesh.cell_size
+        self.padded = np.zeros((len(self.template), LANES))
+        self.padded[:, : self.shape.shape[1]] = self.shape
         corners = np.where(np.isin(self.template, (0, self.ratio - 1)).all(axis=1))[0]
         self.corner_gradient = np.ascontiguousarray(self.gradient[corners])
         self.origin = np.array([arrays.coordinate[axis, 0] for axis in range(dim)])

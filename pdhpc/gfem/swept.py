@@ -16,7 +16,7 @@ class Blended:
     """The particles, eight to a row, whose force is not all theirs: on the ramp, or within a bond of it. Lane l of row t stands at 8 t + l.
 
     rows (n,) int32, first slots. cell (8 n,) int32, local cell of each lane, -1 where this rank owns no particle; number (8 n,), of the particle in its cell; table
-    (ratio^dim, corners), the cell's functions by that number; alpha (8 n,); inside (8 n,) bool, in an enriched cell; density (8 n,), kg/m^3; impulse, moment (n, dim, 8): tau sum_j w_j F^alpha(U_j), N s/m^3, and tau^2 sum_j (k - j) w_j F^alpha(U_j);
+    (ratio^dim, 8), the cell's functions by that number, and zeros; alpha (8 n,); inside (8 n,) bool, in an enriched cell; density (8 n,), kg/m^3; impulse, moment (n, dim, 8): tau sum_j w_j F^alpha(U_j), N s/m^3, and tau^2 sum_j (k - j) w_j F^alpha(U_j);
     before, velocity_before (n, dim, 8): u and v at the start of the step.
     """
 
@@ -39,7 +39,7 @@ class Blended:
     @cached_property
     def shape(self):
         """(8 n, corners), values of the functions of each lane's cell."""
-        return self.table[self.number]
+        return self.table[self.number, :4]
 
 
 @dataclass

@@ -35,7 +35,8 @@ def xdmf_text(frames, total, kind=None, cells=0):
 
 def _mesh(total, kind, cells):
     if kind is None:
-        topology = f'<Topology TopologyType="Polyvertex" NumberOfElements="{total}" NodesPerElement="1">', _item("fields/points.h5:/topology", f"{total} 1", "Int")
+        heading = f'<Topology TopologyType="Polyvertex" NumberOfElements="{total}" NodesPerElement="1">'
+        topology = heading, _item("fields/points.h5:/topology", f"{total} 1", "Int")
     else:
         name, corners = _CELLS[kind]
         topology = f'<Topology TopologyType="{name}" NumberOfElements="{cells}">', _item("fields/points.h5:/cells", f"{cells} {corners}", "Int")

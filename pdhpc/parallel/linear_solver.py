@@ -16,10 +16,16 @@ def use_options(words):
 
 
 def start_petsc():
-    """Let PETSc start on all ranks at once: it must not be left to the first that needs it, who would wait for the others. Collective over all ranks."""
+    """Let PETSc start on all ranks at once: it must not be left to the first that needs it, who would wait for the others. Collective over all ranks.
+
+    PETSc's way to meet a reader that has gone (a page of text to the terminal) is left to Python's.
+    """
+    import signal
+
     from petsc4py import PETSc
 
     PETSc.Sys.isInitialized()
+    signal.signal(signal.SIGPIPE, signal.SIG_IGN)
 
 
 def unused_options(words):

@@ -17,6 +17,7 @@ from pdhpc.parallel.comm import largest, smallest
 from pdhpc.scene.lattice_elasticity import make_lattice_elasticity
 from pdhpc.scene.mesh_body import MeshBody, checked_locally, make_mesh_body, moduli_of
 from pdhpc.scene.mesh_sets import MeshSets, make_loads, set_initial_state
+from pdhpc.scene.problem import Uncoupled
 from pdhpc.scene.steps import choose_step
 
 _NEWMARK_STEPS = 100  # to time.end, where the scene does not name the step
@@ -24,7 +25,7 @@ _RANK = 1e-10  # of the largest eigenvalue of the rigid motions that supports ho
 
 
 @dataclass
-class ElasticProblem:
+class ElasticProblem(Uncoupled):
     """Everything one rank needs to run a scene of finite elements; the face of scene.problem.Problem.
 
     body : MeshBody. elasticity : Elasticity. nodes : Nodes. conditions : NodalConditions. sets : MeshSets.
@@ -80,18 +81,6 @@ class ElasticProblem:
             "bytes_sent_per_step": int(comm.allreduce(stepper.bytes_sent)),
             "cell_imbalance": float(per_rank[:, 0].max() / max(per_rank[:, 0].mean(), 1)),
         }
-
-    def coupling(self, stepper, comm):
-        """Return None: nothing is coupled."""
-        return None
-
-    def guards(self, stepper, comm, steps):
-        """Return no observers: nothing is coupled."""
-        return []
-
-    def coupled(self, stepper, comm, coupling):
-        """Return None: nothing is coupled."""
-        return None
 
 
 def build_elastic(scene, comm):
@@ -197,7 +186,8 @@ def _check_probes(scene, mesh, comm):
         if probe.point is not None:
             distance = smallest(comm, float(np.linalg.norm(mesh.points - np.asarray(probe.point), axis=1).min(initial=np.inf)))
             if distance > reach:
-                raise scene.error(f"probe '{probe.name}': point", f"{probe.point}, {distance:.3g} m from the nearest vertex", f"a point within a cell ({reach:.3g} m) of one")
+                found = f"{probe.point}, {distance:.3g} m from the nearest vertex"
+                raise scene.error(f"probe '{probe.name}': point", found, f"a point within a cell ({reach:.3g} m) of one")
 
 
 def _net_forces(stepper):

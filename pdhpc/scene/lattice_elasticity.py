@@ -16,7 +16,7 @@ class LatticeElasticity(Elasticity):
     """
 
     def __init__(self, mesh, kinds, kind, thickness):
-        """kinds : {"stiffness", "mass", "moduli", "density"} of all kinds of cells, see make_lattice_elasticity. kind (n_cells,) int32, of each local cell. Local."""
+        """kinds : {"stiffness", "mass", "moduli", "density"} of all kinds of cells. kind (n_cells,) int32, of each local cell. Local."""
         super().__init__(mesh, kinds["moduli"], kinds["density"], kind, thickness)
         self._kinds = kinds
 

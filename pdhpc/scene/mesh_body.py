@@ -85,7 +85,8 @@ def _read(scene, comm):
     try:
         mesh = read_mesh(comm, path)
     except ValueError as error:
-        raise scene.error("mesh.file", f'"{scene.mesh.file}" ({error})', "a file of one kind of cells that meshio reads, named from the folder of the scene") from error
+        allowed = "a file of one kind of cells that meshio reads, named from the folder of the scene"
+        raise scene.error("mesh.file", f'"{scene.mesh.file}" ({error})', allowed) from error
     if mesh.dim != scene.dim:
         raise scene.error("mesh.file", f'"{scene.mesh.file}" with cells of {mesh.dim} dimensions', f'cells of {scene.dim} with dimension = "{scene.dimension}"')
     number = np.full(len(mesh.cells), -1, np.int32)

@@ -56,14 +56,16 @@ def _check_shapes(scene):
     if from_file and len(scene.body) > 1:
         for number, body in enumerate(scene.body):
             if body.group is None:
-                raise Rule(f"{section('body', number, body)}: group", "nothing beside other bodies", "the physical group of the file that holds the body's cells")
+                key = f"{section('body', number, body)}: group"
+                raise Rule(key, "nothing beside other bodies", "the physical group of the file that holds the body's cells")
     groups = {region.name: number for number, region in enumerate(scene.region) if region.shape == "group"}
     for name, number in groups.items():
         if not from_file:
             raise Rule(f"region '{name}': shape", '"group"', '"box" or another shape: "group" goes with model = "fem" and mesh.file')
     for number, load in enumerate(scene.load):
         if load.type == "traction" and load.face is None and load.region not in groups:
-            raise Rule(f"{section('load', number, load)}: face", "nothing", '"+x", "-x", "+y", "-y", "+z" or "-z" (only a region of shape = "group" needs none)')
+            allowed = '"+x", "-x", "+y", "-y", "+z" or "-z" (only a region of shape = "group" needs none)'
+            raise Rule(f"{section('load', number, load)}: face", "nothing", allowed)
 
 
 def _check_alone(scene):
@@ -140,8 +142,9 @@ def _check_fit(scene):
             if scene.uses_lattice:
                 if hole.shape != "box":
                     raise Rule(f"{where}: hole[{index}]: shape", f'"{hole.shape}"', '"box": where lattice and mesh meet, holes are whole cells')
+                words = "a corner whole cells away from that of the body"
                 for key in ("lower", "upper"):
-                    _check_whole(f"{where}: hole[{index}]: {key}", getattr(hole, key), body.lower, size, "a corner whole cells away from that of the body", scene)
+                    _check_whole(f"{where}: hole[{index}]: {key}", getattr(hole, key), body.lower, size, words, scene)
 
 
 def _check_ratio(scene, size):
@@ -169,7 +172,8 @@ def check_material(scene, where, material):
     """Raise a Rule for a material that the scene's model does not know."""
     if material.model == "elastic":
         if scene.uses_lattice:
-            raise Rule(f"{where}: model", '"elastic"', '"pmb" or "lps": particles and their moduli need a peridynamic material' if scene.model == "particles" else '"pmb"')
+            allowed = '"pmb" or "lps": particles and their moduli need a peridynamic material' if scene.model == "particles" else '"pmb"'
+            raise Rule(f"{where}: model", '"elastic"', allowed)
         for key in ("energy_release_rate", "critical_stretch"):
             if getattr(material, key) is not None:
                 raise Rule(f"{where}: {key}", getattr(material, key), 'no such key in model = "elastic", which never fails')

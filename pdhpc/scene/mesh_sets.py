@@ -82,7 +82,7 @@ class MeshSets:
         return facets, cell
 
     def facets_between(self, members):
-        """Return (n, facet corners), the facets on the surface, of owned cells, whose vertices are all among the owned vertices `members` of some rank. Collective."""
+        """Return (n, facet corners): facets of owned cells on the surface whose vertices are all among the ranks' owned vertices `members`. Collective."""
         mesh = self.mesh
         marks = np.zeros((len(mesh.points), 1))
         marks[members] = 1.0
@@ -114,7 +114,8 @@ class MeshSets:
         sets, regions = (sorted(set().union(*self.comm.allgather(set(names)))) for names in (self.mesh.sets, self.mesh.regions))
         if group not in sets + regions:
             known = ", ".join(dict.fromkeys(sets + regions)) or "it has none"
-            raise self.scene.error(key, f'"{group}", which is no group of {self.scene.mesh.file}', f"a region of one of its groups ({known}){nearest(group, sets + regions)}")
+            allowed = f"a region of one of its groups ({known}){nearest(group, sets + regions)}"
+            raise self.scene.error(key, f'"{group}", which is no group of {self.scene.mesh.file}', allowed)
         return group in sets
 
     def _set(self, group):

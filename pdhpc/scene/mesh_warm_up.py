@@ -14,17 +14,19 @@ from pdhpc.scene.read import parse_scene
 MESH = """
 model = "fem"
 dimension = "{dimension}"
+[particles]
+spacing = 0.5
+horizon = 1.0
 [mesh]
 cell_size = 1.0
 [fem]
+moduli = "{moduli}"
 integration = "{integration}"
 partition_of_unity = "{partition_of_unity}"
 [[material]]
 name = "m"
-model = "elastic"
 density = 1.0
 youngs_modulus = 1.0
-poissons_ratio = 0.3
 [[body]]
 name = "b"
 material = "m"
@@ -61,7 +63,8 @@ end = 1.0
 def compile_mesh(scene, comm):
     """Call every kernel of a run of finite elements once, on a small box; comm : of this process alone. Local."""
     zero, one = [0.0] * scene.dim, [1.0] + [0.0] * (scene.dim - 1)
-    text = MESH.format(dimension=scene.dimension, integration=scene.fem.integration, partition_of_unity=scene.fem.partition_of_unity, lower=zero,
+    fem = scene.fem
+    text = MESH.format(dimension=scene.dimension, integration=fem.integration, moduli=scene.moduli, partition_of_unity=fem.partition_of_unity, lower=zero,
                        upper=[4.0] * scene.dim, near=[0.1] + zero[1:], down=[-1.0] + zero[1:], far=[3.9] + zero[1:], up=one)
     problem = build(parse_scene(text, "warm-up"), comm)
     with contextlib.suppress(SolverError):  # whether the scene's own system is solved the run will see
@@ -143,6 +146,7 @@ def compile_coupled(scene, comm):
         stepper.advance()
     stepper.ledger()
     stepper.view.prepare()
+    stepper.view.first_not_finite()
     for name in ("displacement", "velocity", "damage", "stress", "strain", "force_density", "strain_energy_density"):
         stepper.view.field(name)
     for gauge in gauges:

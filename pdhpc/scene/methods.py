@@ -11,7 +11,8 @@ class Mesh(Table):
         "side H of square (3D: cubic) cells that fill box-shaped bodies; with particles a whole multiple of their spacing", "m",
         "a family lies within a cell and its neighbours: horizon + spacing/2 <= H with model = \"gfem\"", default=None)
     file: Optional[Text] = key(
-        'file of one kind of cells (triangles, quads, tetrahedra or hexahedra) that meshio reads, such as gmsh\'s .msh; below the folder of the scene; model = "fem"',
+        'file of one kind of cells (triangles, quads, tetrahedra or hexahedra) that meshio reads, such as gmsh\'s .msh, named from the folder of the scene; '
+        'model = "fem"',
         default=None)
     thickness: Optional[Positive] = key("thickness of a 2D body (default that of [particles], or 1); none in 3D", "m", default=None)
 
@@ -23,19 +24,20 @@ class Fem(Table):
         "explicit: central differences with the row-sum lumped mass; newmark: average acceleration, stable at any step; static: equilibrium under the loads at "
         "time.end, in one step", "", "Newmark 1959, beta = 1/4, gamma = 1/2", default="explicit")
     moduli: Optional[Literal["continuum", "lattice"]] = key(
-        'continuum: Hooke\'s law of E and nu; lattice: the moduli C_p of the particle lattice\'s own bonds (default: lattice with model = "gfem", else continuum)', "",
+        'continuum: Hooke\'s law of E and nu; lattice: the moduli C_p of the particle lattice\'s own bonds (default: lattice with model = "gfem", else '
+        'continuum)', "",
         "C_p = 1/2 sum_q c omega beta V |xi| e(x)e(x)e(x)e", default=None)
     partition_of_unity: Literal["hat", "flat_top"] = key(
-        "functions phi_i that carry the displacement: hats times constants (standard elements), or flat-top functions times linear polynomials (boxes, newmark and "
-        "static)", "", "Griebel & Schweitzer 2000", default="hat")
+        "functions phi_i that carry the displacement: hats times constants (standard elements), or flat-top functions times linear polynomials (boxes, "
+        "newmark and static)", "", "Griebel & Schweitzer 2000", default="hat")
 
 
 class Gfem(Table):
     """How local particles enrich the finite elements."""
 
     scheme: Literal["pinned", "galerkin", "instant", "literal"] = key(
-        "pinned: the enrichment has coefficient 1; galerkin: coefficients are solved for, degrees of freedom chosen; to compare with, instant: the force of the "
-        "step's end in the place of its mean, and literal: stress from the gradients of the enrichment", "", "see README", default="pinned")
+        "pinned: the enrichment has coefficient 1; galerkin: coefficients are solved for, degrees of freedom chosen; to compare with, instant: the force of "
+        "the step's end in the place of its mean, and literal: stress from the gradients of the enrichment", "", "see README", default="pinned")
     activation: Optional[Fraction] = key(
         "share theta of the critical stretch: a bond beyond it activates the patches of its cell (default 0.6)", "1", "s > theta s0", default=None)
     tolerance: Optional[NotNegative] = key(

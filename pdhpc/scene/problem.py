@@ -11,8 +11,28 @@ from pdhpc.scene.parts import Part
 from pdhpc.scene.regions import Regions
 
 
+class Uncoupled:
+    """What a problem says whose parts, if it has several, are not coupled."""
+
+    def coupling(self, stepper, comm):
+        """Return the gauge of what couples the parts, or None. Collective."""
+        return None
+
+    def guards(self, stepper, comm, steps):
+        """Return the observers that stop a run whose coupling fails, at `steps` and in between. Local."""
+        return []
+
+    def outputs(self, comm, directory):
+        """Return the observers that write what only this kind of problem has into a run's folder. Local."""
+        return []
+
+    def coupled(self, stepper, comm, coupling):
+        """Return what run.json says of the coupling (the gauge that `coupling` returned), or None. Collective."""
+        return None
+
+
 @dataclass
-class Problem:
+class Problem(Uncoupled):
     """Everything one rank needs to run a scene.
 
     parts : the body, or its coarse and its fine region. dt : s, of the body, or of the coarse region: the macro step. critical_dt : s, of the body, or the
@@ -90,10 +110,6 @@ class Problem:
     def guards(self, stepper, comm, steps):
         """Return the observers that stop a run whose coupling fails, at `steps` and in between. Local."""
         return [CouplingGuard(comm, steps)] if hasattr(stepper, "operator") else []
-
-    def outputs(self, comm, directory):
-        """Return the observers that write what only this kind of problem has into a run's folder. Local."""
-        return []
 
     def coupled(self, stepper, comm, coupling):
         """Return what run.json says of the regions and their coupling (the gauge that `coupling` returned); None without. Collective."""

@@ -7,6 +7,7 @@ import numpy as np
 
 from pdhpc.fem.elements import ELEMENTS
 from pdhpc.parallel.comm import world
+from pdhpc.parallel.linear_solver import start_petsc
 from pdhpc.scene.build import build
 from pdhpc.scene.gauges import make_gauges
 from pdhpc.scene.mesh_body import body_of_cells, box_of
@@ -44,6 +45,7 @@ class MeshEstimate(NamedTuple):
 
 def estimate_mesh(scene, ranks=None):
     """Return the MeshEstimate of a scene of finite elements. Raises SceneError as a run would. Local to one process."""
+    start_petsc()
     ranks = ranks or world().size
     exact = scene.from_file or float(np.prod(box_of(scene)[2], dtype=float)) <= _SMALL
     if exact:

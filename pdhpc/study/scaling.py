@@ -101,6 +101,8 @@ def scene_of_point(study, folder, ranks):
 
     path = Path(folder) / study.scene
     scene = read_scene(path, study.set)
+    if scene.model != "particles":
+        raise SceneError(f'{path}: model = "{scene.model}"; allowed is "particles": scaling studies count particles and bonds')
     if study.kind == "strong":
         return scene
     data = scene.model_dump(mode="json", exclude_none=True)

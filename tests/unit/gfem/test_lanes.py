@@ -95,7 +95,8 @@ def test_right_sides_are_sums_over_lanes():
     random = np.random.default_rng(8)
     cell = random.integers(-1, 3, 24).astype(np.int32)
     inside, alpha, density = random.uniform(size=24) < 0.5, random.uniform(size=24), random.uniform(1, 2, 24)
-    number, shape = random.integers(0, 5, 24).astype(np.uint16), random.uniform(size=(5, 4))
+    number, shape = random.integers(0, 5, 24).astype(np.uint16), np.zeros((5, 8))
+    shape[:, :4] = random.uniform(size=(5, 4))
     sums, speed = random.uniform(-1, 1, (24, 2)), random.uniform(-1, 1, (24, 2))
     dt, volume = 0.3, 0.25
     expected = np.zeros((2, 8, 2))

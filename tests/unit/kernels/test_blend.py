@@ -235,7 +235,7 @@ def test_moduli_of_a_whole_family_of_the_square_lattice():
 
 
 def test_rows_that_may_be_strained(lose_bonds):
-    """Whoever strained_or_broken marks is marked, and few others: triggers lie a little early; broken bonds count once they are not known."""
+    """Whoever strained_or_broken marks is named, with the others of its row that are watched; broken bonds count once they are not known."""
     problem, _ = displaced((17, 9), material="critical_stretch = 0.01")
     subdomain, particles, x = problem.subdomain, problem.subdomain.particles, problem.subdomain.places()
     u = np.zeros_like(x)
@@ -243,18 +243,25 @@ def test_rows_that_may_be_strained(lose_bonds):
     particles.put(particles.position, u)
     rows = np.sort(np.concatenate(subdomain.rows))[1:]
     lane = (rows[:, None] + np.arange(8)).ravel()
-    known, flags = subdomain.bonds.arrays.alive[:, lane].copy(), np.full(len(lane), 9.0)
+    known, found = np.ascontiguousarray(subdomain.bonds.arrays.alive[:, lane]), np.empty(len(lane), np.int64)
     places = np.full(len(particles.position), -np.inf)
     places[particles.slots] = x[:, 0]
+    watched = np.where(places[lane] > -np.inf, 0, -1).astype(np.int32)
 
     def marked(share):
-        blend.strained_rows(subdomain.bonds.arrays, subdomain.points, rows, share, known, flags)
-        assert set(flags) <= {0.0, 1.0}
-        return flags > 0.0
+        count = blend.strained_rows(subdomain.bonds.arrays, subdomain.points, rows, share, known, watched, found)
+        flags = np.zeros(len(lane), bool)
+        flags[found[:count]] = True
+        return flags
 
-    assert np.array_equal(marked(0.59), places[lane] >= -0.5) and not marked(0.61).any()
-    row = int(np.flatnonzero(particles.slots == lane[places[lane] > -np.inf][20])[0])
+    strained = places[lane] >= -0.5
+    expected = np.repeat(strained.reshape(-1, 8).any(axis=1), 8) & (watched >= 0)
+    assert np.array_equal(marked(0.59), expected) and not marked(0.61).any()
+    row = int(np.flatnonzero(particles.slots == lane[watched >= 0][20])[0])
     lose_bonds(subdomain, row)
     assert np.array_equal(np.flatnonzero(marked(0.61)), np.flatnonzero(lane == particles.slots[row]))
+    watched[lane == particles.slots[row]] = -1
+    assert not marked(0.61).any(), "it is not watched"
+    watched[lane == particles.slots[row]] = 0
     known[:] = subdomain.bonds.arrays.alive[:, lane]
     assert not marked(0.61).any()

@@ -5,6 +5,7 @@ import pytest
 
 from pdhpc.cli import main
 from pdhpc.output.record import OutputError
+from pdhpc.scene.read import read_scene
 from pdhpc.scene.schema import SceneError
 from pdhpc.study import scaling
 from pdhpc.study.scaling import COLUMNS, efficiencies, read_rows, read_study, run_study, scene_of_point, spread, table_text
@@ -66,6 +67,13 @@ def test_a_missing_key_is_named(tmp_path):
     (tmp_path / "study.toml").write_text('kind = "strong"\n')
     with pytest.raises(SceneError, match="scene is missing"):
         read_study(tmp_path / "study.toml")
+
+
+def test_meshes_are_refused(study):
+    text = (study.parent / "block.toml").read_text()
+    (study.parent / "block.toml").write_text(f'model = "fem"\n{text}\n[mesh]\ncell_size = {{}}\n'.format(read_scene(study.parent / "block.toml").particles.spacing))
+    with pytest.raises(SceneError, match='model = "fem"; allowed is "particles"'):
+        scaling.scene_of_point(read_study(study), study.parent, 1)
 
 
 @pytest.mark.parametrize("number, axes, factors", [(1, 3, [1, 1, 1]), (8, 3, [2, 2, 2]), (12, 2, [4, 3]), (7, 2, [7, 1]), (16, 3, [4, 2, 2])])
