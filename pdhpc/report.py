@@ -32,9 +32,14 @@ def print_summary(record, directory, pictures):
 def _body_rows(record):
     """Return the rows that say what the body is made of."""
     rows = []
-    if "cells" in record:
+    if "dofs" in record:
         rows.append(("cells, vertices, dofs", f"{record['cells']:,} ({record['cell_kind']}), {record['vertices']:,}, {record['dofs']:,}"))
         rows.append(("integration, moduli", f"{record['integration']}, {record['moduli']}"))
+    elif "cells" in record:
+        found = record["coupling"]
+        rows.append(("cells, vertices", f"{record['cells']:,}, {record['vertices']:,}; {found['patches']:,} patches at the end"))
+        rows.append(("scheme, sub-steps", f"{found['scheme']}, {found['sub_steps']} of {found['particle_dt']:.4g} s"))
+        rows.append(("active share", f"{found['active_share']:.1%} of the particles move by themselves at the end"))
     if "particles" in record:
         rows += [("path", record["path"]), ("particles, bonds", f"{record['particles']:,}, {record['bonds']:,}")]
     return rows

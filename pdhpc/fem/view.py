@@ -44,7 +44,8 @@ class MeshView:
         """Return a field of all owned vertices. Collective over neighbours for "force_density", else Local.
 
         displacement, velocity : (n, dim), m, m/s. strain, stress : (n, dim, dim), 1, Pa, averages over the cells around a vertex of what they have there.
-        strain_energy_density : (n,), J/m^3, of these. force_density : (n, dim), N/m^3, all forces on a vertex over its volume. damage, precrack : (n,), 0.
+        strain_energy_density : (n,), J/m^3, of these. force_density : (n, dim), N/m^3, all forces on a vertex over its volume. damage, precrack,
+        active : (n,), 0.
         """
         nodes, dim = self._nodes, self.dim
         if name in ("displacement", "velocity"):
@@ -57,7 +58,7 @@ class MeshView:
             return 0.5 * np.einsum("nab,nab->n", self._stress(), self._strain())
         if name == "force_density":
             return self._forces() / self.volume[:, None]
-        if name in ("damage", "precrack"):
+        if name in ("damage", "precrack", "active"):
             return np.zeros(self.n)
         raise KeyError(name)
 

@@ -116,8 +116,3 @@ class Galerkin:
         found = self.mass.solve(solution.right, self.state.momentum)
         solution.change[...] = found.nodes
         return found
-
-    def enrich_displacements(self):
-        """Return what the displacements of the last step were enriched by, (n, dim), and make their space that of `mass`, to be looked at. Collective."""
-        self.mass.select(self.state.increment, self.tolerance)
-        return self.state.increment

@@ -119,11 +119,6 @@ class Literal(Instant):
         gradient_at_points(cells.corners, at_points, self._gradients, self.mass.mean, found.nodes, found.amplitude, result)
         return result
 
-    def enrich_displacements(self):
-        """As Galerkin.enrich_displacements: u_PD. Collective."""
-        self.mass.select(self._eta, self.tolerance)
-        return self._eta
-
     def _masses(self):
         return [*super()._masses(), np.zeros((1, 1, 1))]
 

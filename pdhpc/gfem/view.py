@@ -36,7 +36,7 @@ class CoupledView(View):
             field[slots] = values
 
     def field(self, name):
-        """Return the field `name` (peridynamics/fields.py) of all particles. Local; after `prepare`."""
+        """Return the field `name` (peridynamics/fields.py) of all particles; active : 1 where they move by themselves, 0 where as the mesh says. Local; after `prepare`."""
         particles = self._local.subdomain.particles
         if name == "displacement":
             return particles.owned(particles.position)
@@ -46,6 +46,8 @@ class CoupledView(View):
             return particles.owned(whole)
         if name == "force_density":
             return self._force_densities()
+        if name == "active":
+            return particles.owned(self._local.inside).astype(float)
         return super().field(name)
 
     def _force_densities(self):

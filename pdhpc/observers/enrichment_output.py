@@ -12,5 +12,4 @@ class EnrichmentOutput(Observer):
 
     def finish(self, stepper):
         """Write what the space of the last step looks like. Collective."""
-        attributes = {"step": stepper.step, "time": stepper.time, "scheme": stepper.scheme.name, "spacing": stepper.local.lattice.spacing}
-        write_enrichment(self.comm, self.directory, displayed(self.comm, stepper), attributes)
+        write_enrichment(self.comm, self.directory, *displayed(self.comm, stepper))

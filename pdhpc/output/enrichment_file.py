@@ -1,11 +1,13 @@
-"""The enriched space at the end of a run, enrichment.h5: who is enriched, by what, and the pattern of the mass matrix.
+"""The enriched space at the end of a run, enrichment.h5: patches, who is enriched by what, and the pattern of the mass matrix.
 
-    vertices/   id, position (n, dim) m, displacement (n, dim) m, patch (in J), enriched (n, dim) by component, residual (n, dim) of patches
-    points/     of enriched cells: position (n, dim) m, eta (n, dim) m, functions (n, m): values of some phi_i eta_c, m
-    functions/  vertex (id of i) and component of these
+    vertices/   id, position (n, dim) m, displacement (n, dim) m, patch (1 in J), enriched (n, dim) by component, residual (n, dim) of patches
+    cells/      vertex (n, corners), ids in VTK order; patch: 0, 1 with a vertex in J, 2 with all of them
+    raster/     over enriched cells, finer than the particles: position (n, dim) m, displacement u (n, dim) m, functions (n, m), values of some phi_i u_c, m
+    functions/  vertex (id of i) and component c of these
     unknowns/   of the mass matrix on enriched cells: number, component, enriched (1 or 0), vertex;   entries/  row, column of what is not 0
 
-Attributes: step, time, scheme, spacing. Rows stand in rank order: compare by id, number, position. Schemes without functions of their own have vertices only.
+Attributes: step, time, scheme, spacing of particles, pixel of the raster, tolerance. Rows stand in rank order: compare by id, number, position.
+Scheme "pinned" has neither residuals nor functions nor a mass matrix.
 """
 from pathlib import Path
 

@@ -25,8 +25,41 @@ def figure_of(body, planes):
 
 def length_unit(body):
     """Return (name, factor) of the unit that lengths of a body are shown in."""
-    size = float(np.max(body.upper - body.lower, initial=0.0))
-    return ("mm", 1e3) if size < 1.0 else ("m", 1.0)
+    size = float(np.max(body.upper - body.lower, initial=0.0)) + body.spacing
+    return ("mm", 1e3) if size < 1.0 - 1e-9 else ("m", 1.0)
+
+
+def small_unit(largest):
+    """Return (name, factor) of the unit for lengths up to `largest`, m."""
+    for name, factor in (("m", 1.0), ("mm", 1e3), ("µm", 1e6)):
+        if abs(largest) * factor >= 0.01:
+            return name, factor
+    return ("m", 1.0) if largest == 0 else ("nm", 1e9)
+
+
+def beside(figure, axes, shown, label):
+    """Put a colour bar beside axes, as high as they are."""
+    bar = figure.colorbar(shown, cax=axes.inset_axes([1.03, 0.0, 0.04, 1.0]), label=label)
+    bar.ax.tick_params(labelsize=8)
+    bar.outline.set_visible(False)
+
+
+def crack_colours(body=True):
+    """Return the colours of damage, red where all bonds are gone, nothing where there is no particle; body : whether what is whole is shown too, pale."""
+    from matplotlib.colors import LinearSegmentedColormap
+
+    low = ["#e9edf0", "#c3d3dc", "#7fa3b8"] if body else ["#fff7d6", "#fee59a", "#fbcf5d"]
+    colours = LinearSegmentedColormap.from_list("crack", low + ["#f2b134", "#d9480f", "#7a0c0c"])
+    colours.set_bad(PAPER, 0.0)
+    return colours
+
+
+def squares(centres, side, values, **looks):
+    """Return a collection of squares around centres (n, 2), coloured by values (n,)."""
+    from matplotlib.collections import PolyCollection
+
+    corners = 0.5 * side * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    return PolyCollection(centres[:, None] + corners, array=values, linewidths=0, **looks)
 
 
 def dress(axes, plane, unit):

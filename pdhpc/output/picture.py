@@ -1,7 +1,6 @@
 """Pictures of a run, drawn from its output files alone.
 
-Fields of 2D bodies are rasterised into pixels of about a particle's size or larger, chunk by chunk, so that memory is bounded by the picture; 3D bodies are
-shown as the largest value along each of the three axes.
+Fields of particles are shown as pixels (output/pixels.py); 3D bodies as the largest value along each of the three axes.
 """
 from pathlib import Path
 
@@ -9,12 +8,13 @@ import numpy as np
 
 from pdhpc.output.enrichment_picture import draw_enrichment
 from pdhpc.output.fields import frame_times
-from pdhpc.output.figure import INK, PAPER, dress, figure_of, length_unit, planes_of, rounded, save, time_text, title_of
+from pdhpc.output.figure import INK, PAPER, dress, figure_of, length_unit, planes_of, rounded, save, squares, time_text, title_of
 from pdhpc.output.history import read_history
 from pdhpc.output.mesh_picture import draw_mesh
+from pdhpc.output.patches_picture import draw_patches
+from pdhpc.output.pixels import PRECRACK_WORDS, Body, Frame, pixels_of, show_damage
 
-_CHUNK = 1 << 20
-_LONGEST_SIDE = 1600  # pixels
+_MOST_SQUARES = 20_000  # particles up to which each is drawn where it is
 
 
 def draw(directory, curves=()):
@@ -30,8 +30,7 @@ def draw(directory, curves=()):
         drawn += draw_mesh(directory) if _has_cells(directory) else _draw_fields(directory)
     if (directory / "history.csv").exists():
         drawn += _draw_history(directory, curves)
-    enrichment = draw_enrichment(directory)
-    return drawn if enrichment is None else [*drawn, enrichment]
+    return drawn + [picture for picture in (draw_patches(directory), draw_enrichment(directory)) if picture is not None]
 
 
 def _has_cells(directory):
@@ -44,7 +43,7 @@ def _has_cells(directory):
 
 def _draw_fields(directory):
     """Draw damage, displacement and the deformed shape of the last frame."""
-    body, frame = _Body(directory), _Frame(directory)
+    body, frame = Body(directory), Frame(directory)
     drawn = []
     if "damage" in frame.names:
         drawn.append(_draw_damage(directory, body, frame))
@@ -54,110 +53,16 @@ def _draw_fields(directory):
     return drawn
 
 
-class _Body:
-    """Particles of a run: where they are, read in chunks."""
-
-    def __init__(self, directory):
-        import h5py
-
-        self.path = Path(directory) / "fields" / "points.h5"
-        with h5py.File(self.path, "r") as file:
-            self.count, self.dim = len(file["id"]), int(file.attrs["dim"])
-            lower, upper = np.full(3, np.inf), np.full(3, -np.inf)
-            for first in range(0, self.count, _CHUNK):
-                points = file["position"][first : first + _CHUNK]
-                lower, upper = np.minimum(lower, points.min(axis=0)), np.maximum(upper, points.max(axis=0))
-        self.lower, self.upper = lower[: self.dim], upper[: self.dim]
-        self.spacing = self._spacing()
-
-    def _spacing(self):
-        """Return the smallest distance of lattice lines along the axes, from one chunk."""
-        import h5py
-
-        with h5py.File(self.path, "r") as file:
-            points = file["position"][: min(self.count, 200_000)]
-        gaps = []
-        for axis in range(self.dim):
-            lines = np.unique(np.round(points[:, axis], 12))
-            if len(lines) > 1:
-                gaps.append(np.min(np.diff(lines)[np.diff(lines) > 1e-9 * (np.ptp(lines) + 1e-300)], initial=np.inf))
-        gaps = [gap for gap in gaps if np.isfinite(gap)]
-        return min(gaps) if gaps else 1.0
-
-
-class _Frame:
-    """One frame of a run, read in chunks."""
-
-    def __init__(self, directory, index=-1):
-        import h5py
-
-        name, self.step, self.time = frame_times(directory)[index]
-        self.path = Path(directory) / "fields" / f"frame_{name}.h5"
-        with h5py.File(self.path, "r") as file:
-            self.names = list(file.keys())
-
-    def chunks(self, body, name):
-        """Yield (positions, values) with vectors as they are."""
-        import h5py
-
-        with h5py.File(body.path, "r") as points, h5py.File(self.path, "r") as file:
-            for first in range(0, body.count, _CHUNK):
-                yield points["position"][first : first + _CHUNK, : body.dim], file[name][first : first + _CHUNK]
-
-
-def _raster(body, frame, name, axes, scale=0.0):
-    """Return the largest value per pixel of |field| in the plane of two axes, NaN where there is no particle; positions moved by scale times u."""
-    low, high = body.lower[list(axes)] - body.spacing / 2, body.upper[list(axes)] + body.spacing / 2
-    if scale:
-        low, high = _deformed_bounds(body, frame, axes, scale)
-    pixel = max(body.spacing, float(np.max(high - low)) / _LONGEST_SIDE)
-    shape = np.maximum(1, np.ceil((high - low) / pixel - 1e-6)).astype(int)
-    image = np.full(shape[0] * shape[1], -np.inf)
-    shifts = frame.chunks(body, "displacement") if scale else None
-    for points, values in frame.chunks(body, name):
-        size = np.linalg.norm(values, axis=1) if values.ndim == 2 else values
-        if scale:
-            points = points + scale * next(shifts)[1][:, : body.dim]
-        cell = np.clip(((points[:, list(axes)] - low) / pixel).astype(int), 0, shape - 1)
-        np.maximum.at(image, cell[:, 0] * shape[1] + cell[:, 1], size)
-    image = image.reshape(shape)
-    image[np.isneginf(image)] = np.nan
-    return image.T, (low[0], low[0] + shape[0] * pixel, low[1], low[1] + shape[1] * pixel)
-
-
-def _deformed_bounds(body, frame, axes, scale):
-    low, high = np.full(2, np.inf), np.full(2, -np.inf)
-    for points, u in frame.chunks(body, "displacement"):
-        moved = (points + scale * u[:, : body.dim])[:, list(axes)]
-        low, high = np.minimum(low, moved.min(axis=0)), np.maximum(high, moved.max(axis=0))
-    return low - body.spacing, high + body.spacing
-
-
 def _draw_damage(directory, body, frame):
     """Draw the damage grown in the run, the pre-crack on top of it."""
-    import matplotlib
-    from matplotlib.colors import LinearSegmentedColormap
-
-    colours = LinearSegmentedColormap.from_list("crack", ["#e9edf0", "#c3d3dc", "#7fa3b8", "#f2b134", "#d9480f", "#7a0c0c"])
-    colours.set_bad(PAPER, 0.0)
     planes = planes_of(body)
     figure, all_axes = figure_of(body, planes)
     unit, factor = length_unit(body)
     for axes, plane in zip(all_axes, planes):
-        image, extent = _raster(body, frame, "damage", plane)
-        extent = [factor * x for x in extent]
-        shown = axes.imshow(image, origin="lower", extent=extent, cmap=colours, vmin=0.0, vmax=max(0.6, _largest(image)), interpolation="nearest")
-        if "precrack" in frame.names:
-            cut, _ = _raster(body, frame, "precrack", plane)
-            overlay = np.zeros(cut.shape + (4,))
-            overlay[np.nan_to_num(cut) > 0.25] = matplotlib.colors.to_rgba(INK)
-            axes.imshow(overlay, origin="lower", extent=extent, interpolation="nearest")
+        shown = show_damage(axes, body, frame, plane, factor)
         dress(axes, plane, unit)
     figure.colorbar(shown, ax=list(all_axes), label="damage", shrink=0.85, pad=0.015, aspect=24)
-    title = f"{title_of(directory)}   t = {time_text(frame.time)}"
-    if "precrack" in frame.names:
-        title += "   (black: pre-crack)"
-    figure.suptitle(title, fontsize=12, color=INK)
+    figure.suptitle(f"{title_of(directory)}   t = {time_text(frame.time)}{PRECRACK_WORDS if 'precrack' in frame.names else ''}", fontsize=12, color=INK)
     return save(figure, directory / "damage.png")
 
 
@@ -167,7 +72,7 @@ def _draw_map(path, body, frame, name, label, colours):
     figure, all_axes = figure_of(body, planes)
     unit, factor = length_unit(body)
     for axes, plane in zip(all_axes, planes):
-        image, extent = _raster(body, frame, name, plane)
+        image, extent = pixels_of(body, frame, name, plane)
         shown = axes.imshow(image, origin="lower", extent=[factor * x for x in extent], cmap=colours, interpolation="nearest")
         dress(axes, plane, unit)
     figure.colorbar(shown, ax=list(all_axes), label=label, shrink=0.85, pad=0.015, aspect=24)
@@ -186,12 +91,25 @@ def _draw_deformed(directory, body, frame):
     figure, all_axes = figure_of(body, planes)
     unit, factor = length_unit(body)
     for axes, plane in zip(all_axes, planes):
-        image, extent = _raster(body, frame, name, plane, scale)
-        shown = axes.imshow(image, origin="lower", extent=[factor * x for x in extent], cmap="cividis", interpolation="nearest")
+        if body.dim == 2 and body.count <= _MOST_SQUARES:
+            shown = _show_squares(axes, body, frame, name, scale, factor)
+        else:
+            image, extent = pixels_of(body, frame, name, plane, scale)
+            shown = axes.imshow(image, origin="lower", extent=[factor * x for x in extent], cmap="cividis", interpolation="nearest")
         dress(axes, plane, unit)
     figure.colorbar(shown, ax=list(all_axes), label=name if name == "damage" else "displacement magnitude [m]", shrink=0.85, pad=0.015, aspect=24)
     figure.suptitle(f"{title_of(directory)}   displacements x {scale:g}   t = {time_text(frame.time)}", fontsize=12, color=INK)
     return save(figure, directory / "deformed.png")
+
+
+def _show_squares(axes, body, frame, name, scale, factor):
+    """Draw every particle of a plane body where it is, displacements times `scale`; return the image."""
+    points, values = next(frame.chunks(body, name))
+    moved = factor * (points + scale * next(frame.chunks(body, "displacement"))[1][:, :2])
+    shown = squares(moved, 0.9 * factor * body.spacing, np.linalg.norm(values, axis=1) if values.ndim == 2 else values, cmap="cividis")
+    axes.add_collection(shown)
+    axes.autoscale_view()
+    return shown
 
 
 def _draw_history(directory, curves):
@@ -250,5 +168,3 @@ def _draw_curve(directory, name, x, y, history):
 
 def _largest(image):
     return float(np.nanmax(image)) if np.isfinite(image).any() else 0.0
-
-

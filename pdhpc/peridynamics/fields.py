@@ -29,6 +29,10 @@ def _precrack(subdomain, law):
     return subdomain.bonds.precrack()
 
 
+def _active(subdomain, law):
+    return np.ones(subdomain.particles.n_owned)
+
+
 def strain_energy_density(subdomain, law):
     """Return (n_owned,) J/m^3, stored in intact bonds."""
     energy = np.zeros(len(subdomain.particles.dissipated))
@@ -108,5 +112,8 @@ FIELDS = {
     "stress": _stress,
     "strain": _strain,
     "strain_energy_density": strain_energy_density,
+    "active": _active,
 }
-"""Name -> function(subdomain, law): vectors (n_owned, dim) in m, m/s, N/m^3; damage, precrack (n_owned,); tensors (n_owned, dim, dim), stress in Pa."""
+"""Name -> function(subdomain, law): vectors (n_owned, dim) in m, m/s, N/m^3; damage, precrack, active (n_owned,); tensors (n_owned, dim, dim), stress in Pa.
+
+active : 1 where particles move by themselves, as all do that nothing else moves."""

@@ -6,6 +6,7 @@ import numpy as np
 from pdhpc.fem.critical_step import critical_step
 from pdhpc.fem.internal_forces import InternalForces, make_sweep
 from pdhpc.fem.nodes import Nodes
+from pdhpc.gfem.display import displayed
 from pdhpc.parallel.comm import compile_exact_sum
 from pdhpc.parallel.ghosts import compile_messages
 from pdhpc.parallel.linear_solver import SolverError
@@ -155,3 +156,5 @@ def compile_coupled(scene, comm):
         gauge.read(stepper)
     gauges[0].start(stepper)
     compile_messages(np.zeros((1, 2)), np.zeros((2, 1)).T, np.zeros((1, 2), np.int64))  # of vertices and cells, of positions by slot, of numbers
+    if scene.output.pictures:
+        displayed(comm, stepper)

@@ -20,3 +20,14 @@ def test_explanation_lists_keys(capsys):
 def test_units_of_size_and_time():
     assert report._size(1234) == "1.23 kB" and report._size(5e12) == "5 TB"
     assert report._duration(30) == "30.0 s" and report._duration(600) == "10.0 min" and report._duration(1e5) == "27.8 h" and report._duration(float("inf")) == "unknown"
+
+
+def test_summary_of_a_coupled_run(capsys):
+    """No number of degrees of freedom, which changes as patches grow; the coupling in its place."""
+    coupling = {"scheme": "pinned", "sub_steps": 4, "particle_dt": 0.5, "patches": 9, "active_share": 0.125}
+    body = {"cells": 16, "vertices": 25, "path": "lattice", "particles": 400, "bonds": 6190, "coupling": coupling}
+    run = {"title": "t", "ranks": 1, "steps": 20, "dt": 2.0, "critical_dt": 4.0, "seconds": {"solve": 1.0}, "broken_bonds": 3, "energies": {}, "tips": {}, "warnings": []}
+    report.print_summary({**body, **run, "balance_error_relative": None}, "out", [])
+    text = capsys.readouterr().out
+    for words in ("16, 25; 9 patches", "pinned, 4 of 0.5 s", "12.5% of the particles", "400, 6,190"):
+        assert words in text

@@ -192,7 +192,7 @@ def _hats(x, span):
 
 
 def set_in_motion(stepper, displacement, velocity, plate):
-    """Give a coupled body at rest functions of places (n, 2) as its displacement and velocity: at the points of patches, elsewhere as elements carry them. Collective."""
+    """Give a coupled body functions of places (n, 2) as displacement and velocity: at the points of patches, elsewhere as elements carry them. Collective."""
     solution, particles = stepper.solution, stepper.local.subdomain.particles
     slots = stepper.local.points.slots
     for function, nodal, at_points in ((displacement, solution.displacement, particles.position), (velocity, solution.velocity, particles.velocity)):
