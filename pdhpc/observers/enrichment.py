@@ -80,7 +80,7 @@ class EnrichmentGuard(Observer):
         self._scale = max(self._scale, abs(expected), self._initial)
         if not stored <= expected + (_LARGEST_ENERGY - 1.0) * self._scale and self._scale > 0.0:
             raise RunError(f"the energy is {stored:.4g} J at step {stepper.step}, t = {stepper.time:.6g} s, where {expected:.4g} J were put in:"
-                           " take a smaller time.dt, or more particles in a cell")
+                           " leave time.dt at \"auto\", or put more particles in a cell")
 
     def finish(self, stepper):
         """Check the final state. Collective."""
