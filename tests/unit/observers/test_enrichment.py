@@ -48,7 +48,7 @@ def test_growing_energy_stops_the_run(coupled_body, shake, comm):
         for each in velocities:
             each *= factor
         if stops:
-            with pytest.raises(RunError, match=r"the energy is .* J at step 1, t = 2.4 s, where .* J were put in: take a smaller time.dt"):
+            with pytest.raises(RunError, match=r"the energy is .* J at step 1, t = 2.4 s, where .* J were put in: leave time.dt"):
                 guard.finish(stepper)
         else:
             guard.observe(stepper)
