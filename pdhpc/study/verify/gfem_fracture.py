@@ -10,7 +10,7 @@ from pdhpc.study.verify.gfem_plate import CELL, CRACK, HEIGHT, QUARTERS, Plate, 
 
 _SCHEMES = ("pinned", "galerkin")
 _SOURCE = "particles everywhere"
-_LOAD = 0.002  # Pa: about as many bonds break by T = 2.6 at H/h = 5 as in the prototype
+_LOAD = 0.002  # Pa, one tenth of E times the critical stretch: about as many bonds break by T = 2.6 at H/h = 5 as in the prototype
 _STRENGTH = 0.02
 _FREE_BOUNDS = (0.02, 0.03, 0.06, 0.06)
 
@@ -89,8 +89,8 @@ def gfem_free():
 
 @case(slow=True)
 def gfem_free_long():
-    """Free vibration of the cracked plate, T = 10: energy of the pinned scheme"""
-    return _free_checks(Plate(5, 4, 10.0), (), ("pinned", "galerkin"), {"pinned": (0.85, 1.01), "galerkin": (0.0, np.inf)})
+    """Free vibration of the cracked plate, T = 10: energy, which the galerkin scheme lets grow by up to 12 %"""
+    return _free_checks(Plate(5, 4, 10.0), (), _SCHEMES, {"pinned": (0.85, 1.01), "galerkin": (0.97, 1.12)})
 
 
 @case(slow=True)
