@@ -108,7 +108,7 @@ class CoupledStep:
         return limits
 
     def _wanting(self, share):
-        """Return (n_owned_cells,) bool: cells on the ramp whose particles are strained beyond a share of their limit or broken, cells without whose strain is."""
+        """Return (n_owned_cells,) bool: cells on the ramp with particles strained beyond a share of their limit or broken, cells without if strained so."""
         mesh, free, strain = self.solution.mesh, self._free, self._strain
         wanted = self.local.wanting(share)
         largest_principal_strains(mesh.cells, free, self.local.lattice.corner_gradient, self.solution.displacement, strain)
@@ -192,7 +192,8 @@ class CoupledStep:
         for name in ("displacement", "velocity", "acceleration", "previous_acceleration"):
             state[f"mesh/{name}"] = (lambda name=name: getattr(solution, name)[:n], lambda value, name=name: np.copyto(getattr(solution, name)[:n], value))
         for name in ("position", "velocity", "dissipated"):
-            state[f"particles/{name}"] = (lambda name=name: particles.owned(getattr(particles, name)), lambda value, name=name: particles.put(getattr(particles, name), value))
+            values = getattr(particles, name)
+            state[f"particles/{name}"] = (lambda values=values: particles.owned(values), lambda value, values=values: particles.put(values, value))
         alive = self.local.subdomain.bonds.arrays.alive
         state["alive"] = (lambda: alive, lambda value: np.copyto(alive, value))
         state["scheme/lost"] = (lambda: self.scheme.lost, lambda value: setattr(self.scheme, "lost", float(value)))

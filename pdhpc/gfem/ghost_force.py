@@ -8,7 +8,9 @@ from pdhpc.kernels.simd import LANES
 
 
 def ghost_force(local, solution, strain=(1.0, 1.0, 0.0)):
-    """Return max_i |(F^alpha + r(d), phi_i)| / (sigma H t) over this rank's vertices, for the displacement of a strain in Voigt's notation, 2D. Collective over neighbours.
+    """Return max_i |(F^alpha + r(d), phi_i)| / (sigma H t) over this rank's vertices, for the displacement of a strain in Voigt's notation, 2D.
+
+    Collective over neighbours.
 
     sigma : the largest stress that it causes inside the body. Vertices nearer to the body's surface than two cells are left out: there the forces are those of
     the surface; broken bonds count as whole. A blend by a step in the place of the ramp gives five to ten times as much.
@@ -21,19 +23,18 @@ def ghost_force(local, solution, strain=(1.0, 1.0, 0.0)):
     position[slots] = domain.places_at(slots) @ gradient.T
     force, impulse = np.zeros(particles.position.shape[::-1]).T, np.zeros_like(blended.impulse)
     law = local.law._replace(break_at=np.full_like(local.law.break_at, np.inf))
-    arrays, count = domain.bonds.arrays, len(domain.bonds.arrays.offset)
-    whole = np.array([2 ** min(WORD, count - WORD * word) - 1 for word in range(len(arrays.alive))], np.uint64)
-    bonds = arrays._replace(trigger=np.full_like(arrays.trigger, np.inf), alive=np.repeat(whole[:, None], arrays.alive.shape[1], axis=1))
+    bonds = _whole(domain.bonds.arrays)
     points = domain.points._replace(position=position)
-    blend.blended_forces(bonds, points, law, particles.third, blended.rows, local.alpha, local.alpha, force, particles.dissipated, np.array([1.0, 0.0]), impulse, np.zeros_like(impulse))
+    weights, moment = np.array([1.0, 0.0]), np.zeros_like(impulse)
+    blend.blended_forces(bonds, points, law, particles.third, blended.rows, local.alpha, local.alpha, force, particles.dissipated, weights, impulse, moment)
     kept = solution.displacement.copy()
     solution.displacement[:] = mesh.points @ gradient.T
     solution.evaluate_elements()
     solution.right[:] = solution.force
     solution.displacement[:] = kept
     outside = np.zeros(LANES * len(blended.rows), bool)
-    lanes.project_velocity(blended.rows, blended.cell, blended.number, blended.table, blended.alpha, outside, blended.velocity_before, impulse, position, blended.density, local.volume,
-                           mesh.cells, solution.right)
+    lanes.project_velocity(blended.rows, blended.cell, blended.number, blended.table, blended.alpha, outside, blended.velocity_before, impulse, position,
+                           blended.density, local.volume, mesh.cells, solution.right)
     solution.gather_right()
     inner = _inner(mesh)[: mesh.n_owned]
     moduli = solution.material.moduli
@@ -41,6 +42,13 @@ def ghost_force(local, solution, strain=(1.0, 1.0, 0.0)):
     scale = stress * mesh.cell_size[0] * local.volume / local.lattice.spacing**2
     found = np.abs(solution.right[: mesh.n_owned][inner]).max(initial=0.0)
     return float(found / scale) if scale > 0.0 else 0.0
+
+
+def _whole(arrays):
+    """Return the bonds of a lattice that fills all of space and never breaks. Local."""
+    count = len(arrays.offset)
+    words = np.array([2 ** min(WORD, count - WORD * word) - 1 for word in range(len(arrays.alive))], np.uint64)
+    return arrays._replace(trigger=np.full_like(arrays.trigger, np.inf), alive=np.repeat(words[:, None], arrays.alive.shape[1], axis=1))
 
 
 def _inner(mesh):

@@ -2,9 +2,11 @@
 
     K_e(alpha) = sum_p V (1 - alpha_p) B_p^T C_p B_p,   C_p = 1/2 sum_q c omega beta V |xi| (e e)(e e),
 
-at the particles of each cell (nodal quadrature). C_p counts the bonds that a particle has at the start of the run, before pre-cracks: within a horizon of an edge it is
-softer, as the particles are. Cells of equal bonds share one K_e.
+at the particles of each cell (nodal quadrature). C_p counts the bonds that a particle has at the start of the run, before pre-cracks: within a horizon of an
+edge it is softer, as the particles are. Cells of equal bonds share one K_e.
 """
+from functools import cached_property
+
 import numpy as np
 
 from pdhpc.jit import kernel, sweep
@@ -46,15 +48,23 @@ class LatticeMaterial:
         self.volume = float(particles.volume[0]) if len(particles.volume) else 0.0
         self.lumped = self._mass @ lattice.shape
         self.consistent = np.einsum("np,pa,pb->nab", self._mass, lattice.shape, lattice.shape)
-        self.stiffness = self._by_ramp()
 
-    def _by_ramp(self):
-        """Return `stiffness`: K(alpha) = K - sum of K_a over corners where alpha is 1, K_a with the weight N_a."""
+    @cached_property
+    def whole_stiffness(self):
+        """(n_kinds, corners dim, corners dim), N/m: of elements that particles replace nowhere."""
+        result, count = np.zeros((len(self.moduli), self.degrees, self.degrees)), len(self.moduli)
+        cell_stiffness(self._lattice.gradient, self.moduli, np.arange(count, dtype=np.int32), np.ones((count, len(self._lattice.shape))), self.volume, result)
+        return result
+
+    @cached_property
+    def stiffness(self):
+        """K(alpha) = K - sum of K_a over corners where alpha is 1, K_a with the weight N_a; see the class."""
         shape, count = self._lattice.shape, len(self.moduli)
         corners = shape.shape[1]
         parts = np.zeros((corners, count, self.degrees, self.degrees))
         for a in range(corners):
-            cell_stiffness(self._lattice.gradient, self.moduli, np.arange(count, dtype=np.int32), np.broadcast_to(shape[:, a], (count, len(shape))), self.volume, parts[a])
+            weight = np.broadcast_to(shape[:, a], (count, len(shape)))
+            cell_stiffness(self._lattice.gradient, self.moduli, np.arange(count, dtype=np.int32), weight, self.volume, parts[a])
         outside = 1.0 - (np.arange(2**corners)[:, None] >> np.arange(corners) & 1)
         table = np.einsum("ra,akmn->krmn", outside, parts)
         return np.ascontiguousarray(table.reshape(count * 2**corners, self.degrees, self.degrees))

@@ -1,7 +1,7 @@
 """The local particles: the part of a lattice that lies in enriched cells, with a collar of prescribed particles around it, run for k sub-steps.
 
-Lists of what is swept change only when patches are added; a step touches nothing beyond them. Arrays by slot are made as zeros and cost memory only where particles
-ever were active: 8 (alpha) + 8 (inverse density) + 4 (cell) + 2 (number in the cell) + 2 bytes a slot beside those of the Subdomain.
+Lists of what is swept change only when patches are added; a step touches nothing beyond them. Arrays by slot are made as zeros and cost memory only where
+particles ever were active: 8 (alpha) + 8 (inverse density) + 4 (cell) + 2 (number in the cell) + 2 bytes a slot beside those of the Subdomain.
 """
 from functools import cached_property
 from time import perf_counter
@@ -22,14 +22,14 @@ class LocalParticles:
     Attributes
     ----------
     subdomain, law, lattice : Subdomain of the whole body, its law, and the CellLattice. density (n_block,). alpha (n_slots,). inside (n_slots,) bool.
-    cells (n,) int32, cell_slots (n, ratio^dim) int64 : the enriched owned cells in the order they came, and their particles, all there as bodies hold whole cells.
+    cells (n,) int32, cell_slots (n, ratio^dim) int64 : the enriched owned cells in the order they came, and their particles: bodies hold whole cells.
     rows : int32, rows swept with whole forces; moving : rows with a particle that moves. blended : Blended. collar : Collar.
     broken, bond_evaluations : directed bonds of this rank so far. seconds : {"force", "exchange", "wait", "integrate"}.
     """
 
     def __init__(self, lattice, subdomain, law, exchange, may_not_fail, loads):
-        """exchange : GhostExchange of the Subdomain. may_not_fail (256,) uint8: the block of the same material whose bonds never break. loads : [ParticleLoad]."""
-        self.lattice, self.subdomain, self.law, self._exchange, self._may_not_fail, self.loads = lattice, subdomain, law, exchange, may_not_fail, loads
+        """exchange : GhostExchange of the Subdomain. may_not_fail (256,) uint8: the block of the same material that never breaks. loads : [ParticleLoad]."""
+        self.lattice, self.subdomain, self.law, self._exchange, self.loads = lattice, subdomain, law, exchange, loads
         particles = subdomain.particles
         n_slots = len(particles.position)
         self.density, self._block = law.density, particles.block.copy()
@@ -47,8 +47,8 @@ class LocalParticles:
     def follow(self, patches, weight, displacement, velocity):
         """Take in the particles of newly enriched cells, with the state the mesh has there, and find what is swept. Local.
 
-        Only the surroundings of cells that changed are looked at. weight : (n_vertices,), alpha is its interpolation. displacement, velocity : (n_vertices, dim),
-        fresh ghosts included.
+        Only the surroundings of cells that changed are looked at. weight : (n_vertices,), alpha is its interpolation. displacement, velocity :
+        (n_vertices, dim), fresh ghosts included.
         """
         mesh = self.lattice.mesh
         new = patches.enriched & ~self.enriched
@@ -107,6 +107,7 @@ class LocalParticles:
         slots, cell, number = self.slots_of(cells)
         status = np.empty(len(slots), np.int8)
         blend.find_blended(arrays, domain.particles.block, slots, self.alpha, status)
+        status[(status == 2) & ~self.inside[slots]] = 1  # in cells that patches surround: all force is theirs, but functions of the mesh move them
         self._status[slots], self._cell[slots], self._number[slots] = status, cell + 1, number
         mark_rows(slots, self._status, self._inverse_density, self._swept)
         self.rows = rows_with(self._swept, WHOLE, MIXED)
@@ -194,15 +195,16 @@ class LocalParticles:
         """Evaluate forces and add their blended part, times the two weights, to the impulses and moments; return the directed bonds that broke. Local."""
         domain, particles, blended = self.subdomain, self.subdomain.particles, self.blended
         broken = sweeps.bond_forces(bonds, domain.points, law, None, True, self._third, self.rows, particles.force_density, particles.dissipated)
-        broken += blend.blended_forces(bonds, domain.points, law, self._third, blended.rows, self.alpha, self._inverse_density, particles.force_density, particles.dissipated, weights,
-                                       blended.impulse, blended.moment)
+        broken += blend.blended_forces(bonds, domain.points, law, self._third, blended.rows, self.alpha, self._inverse_density, particles.force_density,
+                                       particles.dissipated, weights, blended.impulse, blended.moment)
         self.bond_evaluations += LANES * (len(self.rows) + len(blended.rows)) * len(bonds.offset)
         return broken
 
     def evaluate(self, time=None):
-        """Store the present blended forces F^alpha in the impulses, N/m^3, whole ones in force_density, loads at `time`, s, included. Collective over neighbours.
+        """Store the present blended forces F^alpha in the impulses, N/m^3, whole ones in force_density, loads at `time`, s, included.
 
-        The collar stands where hold_collar has put it. Without a time there are no loads, and no bond breaks: linear in the displacements.
+        Collective over neighbours. The collar stands where hold_collar has put it. Without a time there are no loads, and no bond breaks: linear in the
+        displacements.
         """
         particles, blended, bonds, law = self.subdomain.particles, self.blended, self.subdomain.bonds.arrays, self.law
         blended.impulse[:] = 0.0

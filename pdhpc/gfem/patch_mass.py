@@ -8,8 +8,8 @@ from pdhpc.parallel.linear_solver import AssembledSolver, Defaults, first_row
 class PatchMass:
     """M^ and its inverse. Where no enriched cell is near it is diagonal; the vertices K of enriched cells share one system, solved by CG with the diagonal.
 
-    The condition number of the scaled matrix of bilinear functions is at most 9/(1 - 1/m^2)^2 with m particles along a cell, on any mesh: CG halves the error in
-    each iteration. A row holds 9 entries in 2D; it is assembled by the owner of its vertex, who has all cells around it.
+    The condition number of the scaled matrix of bilinear functions is at most 9/(1 - 1/m^2)^2 with m particles along a cell, on any mesh: CG halves the error
+    in each iteration. A row holds 9 entries in 2D; it is assembled by the owner of its vertex, who has all cells around it.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ class PatchMass:
 
 
 def _solver_of_components(comm, columns, values, dim, tolerance):
-    """Return the solver of a scalar matrix, rows (n, most) with -1 where there is no entry, for all components at once, a vertex's after each other. Collective."""
+    """Return the solver of a scalar matrix, rows (n, most) with -1 for no entry, for all components at once, a vertex's after each other. Collective."""
     there = np.repeat(columns >= 0, dim, axis=0)
     component = np.tile(np.arange(dim), len(columns))[:, None]
     indptr = np.concatenate(([0], np.cumsum(there.sum(axis=1))))

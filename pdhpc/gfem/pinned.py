@@ -5,8 +5,8 @@
     1. M^ c = (dt rho v^n + I2 + dt^2/2 b - rho alpha (U - u^n), phi) + dt^2/2 r(d^n),     u^{n+1} = u^n + alpha (U - u^n) + N c,   d_i += c_i  (i not in J)
     2. M^ e = (rho v^n + I1 + dt b - rho alpha V, phi) + dt/2 (r(d^n) + r(d^{n+1})),      v^{n+1} = alpha V + N e,                 d'_i = e_i   (i not in J)
 
-Where alpha is 1 within the reach of bonds, the local run's own identities I1 + dt b = rho (V - v^n) and I2 + dt^2/2 b = rho (U - u^n - dt v^n) make the right sides
-vanish: only the rows of Blended particles are projected.
+Where alpha is 1 within the reach of bonds, the local run's own identities I1 + dt b = rho (V - v^n) and I2 + dt^2/2 b = rho (U - u^n - dt v^n) make the right
+sides vanish: only the rows of Blended particles are projected.
 """
 import numpy as np
 
@@ -54,7 +54,7 @@ class Pinned:
         self.solution.refresh("displacement")
 
     def reconstruct(self):
-        """Take the local run as it is: eta = U - u^n in the space of displacements, V in that of velocities, both at the particles, with the coefficient 1. Local."""
+        """Take the local run as it is: eta = U - u^n for displacements, V for velocities, both at the particles, with the coefficient 1. Local."""
         local = self.local
         local.add_loads_to_sums(self.k)
         return local.subdomain.particles.position, local.subdomain.particles.velocity
@@ -72,8 +72,8 @@ class Pinned:
         solution, blended, mesh, dt = self.solution, self.local.blended, self.solution.mesh, self.dt
         right = solution.right
         np.multiply(solution.force, 0.5 * dt * dt, out=right)
-        lanes.project_displacement(blended.rows, blended.cell, blended.number, blended.table, blended.alpha, blended.inside, blended.before, blended.velocity_before, blended.moment,
-                                   position, blended.density, dt, self.local.volume, mesh.cells, right)
+        lanes.project_displacement(blended.rows, blended.cell, blended.number, blended.table, blended.alpha, blended.inside, blended.before,
+                                   blended.velocity_before, blended.moment, position, blended.density, dt, self.local.volume, mesh.cells, right)
         solution.gather_right()
         self._divide(dt)
         solution.steer(time, dt)
@@ -91,8 +91,8 @@ class Pinned:
         right = solution.right
         np.add(old, solution.force, out=right)
         right *= 0.5 * dt
-        lanes.project_velocity(blended.rows, blended.cell, blended.number, blended.table, blended.alpha, blended.inside, blended.velocity_before, blended.impulse, velocity, blended.density,
-                               self.local.volume, mesh.cells, right)
+        lanes.project_velocity(blended.rows, blended.cell, blended.number, blended.table, blended.alpha, blended.inside, blended.velocity_before,
+                               blended.impulse, velocity, blended.density, self.local.volume, mesh.cells, right)
         solution.gather_right()
         solution.account_motions(dt)
         self._divide(1.0)

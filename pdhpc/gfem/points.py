@@ -14,8 +14,8 @@ _PIECE = 1 << 14
 class Points(NamedTuple):
     """The particles of some cells, cell by cell.
 
-    slots (n,) int64, of the particles; cell (n_cells,) int32, local cells of the mesh; start (n_cells + 1,) int64: those of cell c are start[c] ... start[c + 1] - 1;
-    shape (n, corners), values of the cell's functions at each; mass (n,), rho V, kg.
+    slots (n,) int64, of the particles; cell (n_cells,) int32, local cells of the mesh; start (n_cells + 1,) int64: those of cell c are start[c] ...
+    start[c + 1] - 1; shape (n, corners), values of the cell's functions at each; mass (n,), rho V, kg.
     """
 
     slots: np.ndarray
@@ -33,8 +33,8 @@ class CellLattice:
     Attributes
     ----------
     spacing, m. origin : (dim,), m, the first cell of the lattice's grid; step, cells : of its LatticeArrays.
-    template : (ratio^dim, dim) int64, cells of the lattice in one of the mesh, in the order of slots. shape (ratio^dim, corners), gradient (ratio^dim, corners, dim), 1/m: of its
-    functions there. padded : shape and zeros, eight columns. corner_gradient : at the particles in its corners.
+    template : (ratio^dim, dim) int64, cells of the lattice in one of the mesh, in the order of slots. shape (ratio^dim, corners), gradient (ratio^dim,
+    corners, dim), 1/m: of its functions there. padded : shape and zeros, eight columns. corner_gradient : at the particles in its corners.
     """
 
     def __init__(self, mesh, subdomain, element, spacing):

@@ -15,9 +15,10 @@ WHOLE, MIXED, MOVING = 1, 2, 4
 class Blended:
     """The particles, eight to a row, whose force is not all theirs: on the ramp, or within a bond of it. Lane l of row t stands at 8 t + l.
 
-    rows (n,) int32, first slots. cell (8 n,) int32, local cell of each lane, -1 where this rank owns no particle; number (8 n,), of the particle in its cell; table
-    (ratio^dim, 8), the cell's functions by that number, and zeros; alpha (8 n,); inside (8 n,) bool, in an enriched cell; density (8 n,), kg/m^3; impulse, moment (n, dim, 8): tau sum_j w_j F^alpha(U_j), N s/m^3, and tau^2 sum_j (k - j) w_j F^alpha(U_j);
-    before, velocity_before (n, dim, 8): u and v at the start of the step.
+    rows (n,) int32, first slots. cell (8 n,) int32, local cell of each lane, -1 where this rank owns no particle; number (8 n,), of the particle in its cell;
+    table (ratio^dim, 8), the cell's functions by that number, and zeros; alpha (8 n,); inside (8 n,) bool, in an enriched cell; density (8 n,), kg/m^3;
+    impulse, moment (n, dim, 8): tau sum_j w_j F^alpha(U_j), N s/m^3, and tau^2 sum_j (k - j) w_j F^alpha(U_j), N s^2/m^3, w_j = 1/2 at both ends,
+    else 1; before, velocity_before (n, dim, 8): u and v at the start of the step.
     """
 
     rows: np.ndarray
@@ -72,7 +73,7 @@ def set_alpha(slots, cell, number, cells, shape, weight, alpha):
 
 @kernel
 def take_lanes(rows, status, cell, number, alpha, inside, block, density, lane_cell, lane_number, lane_alpha, lane_inside, lane_density):
-    """Store in the arrays of Blended what fields by slot say of its lanes; cell holds a cell's number plus one. A particle with status 0 is not this rank's, or far."""
+    """Store in the arrays of Blended what fields by slot say of its lanes; cell holds a cell's number plus one. Status 0: not this rank's particle, or far."""
     for t in range(len(rows)):
         for lane in range(LANES):
             n, i = LANES * t + lane, rows[t] + lane
@@ -87,7 +88,8 @@ def take_lanes(rows, status, cell, number, alpha, inside, block, density, lane_c
 def mark_rows(slots, status, inverse_density, marks):
     """Set marks (n_slots / 8,) of the rows that hold `slots` (n,) from the status of their eight particles.
 
-    status (n_slots,) : 0 no alpha around, 1 some, 2 all 1 (blend.find_blended). inverse_density (n_slots,) : above 0 where a particle moves.
+    status (n_slots,) : 0 no alpha around, 1 some, 2 all 1 (blend.find_blended). inverse_density (n_slots,) : above 0 where a particle moves; what acts on the others
+    is not to be had from their motion.
     """
     for n in range(len(slots)):
         row = slots[n] // LANES
@@ -97,7 +99,7 @@ def mark_rows(slots, status, inverse_density, marks):
         for i in range(LANES * row, min(LANES * row + LANES, len(status))):
             if status[i] > 0:
                 mark |= WHOLE
-            if status[i] == 1:
+            if status[i] == 1 or (status[i] == 2 and inverse_density[i] == 0.0):
                 mark |= MIXED
             if inverse_density[i] > 0.0:
                 mark |= MOVING

@@ -47,9 +47,11 @@ def _sum_blended(first, settled, bonds, points, law, third, rows, alpha, moving,
         i = rows[t]
         kind = bonds.kind[i >> 3]
         if kind == MIXED:
-            beyond = _blend_eight(bonds, i, t, points, law, third, alpha, moving, force_density, weights, impulse, moment, mixed_ends(law, None, i), len(bonds.weight) - 1, t != settled)
+            near, row = mixed_ends(law, None, i), len(bonds.weight) - 1
+            beyond = _blend_eight(bonds, i, t, points, law, third, alpha, moving, force_density, weights, impulse, moment, near, row, t != settled)
         else:
-            beyond = _blend_eight(bonds, i, t, points, law, third, alpha, moving, force_density, weights, impulse, moment, uniform_ends(law, None, i), np.int64(kind), t != settled)
+            same = uniform_ends(law, None, i)
+            beyond = _blend_eight(bonds, i, t, points, law, third, alpha, moving, force_density, weights, impulse, moment, same, np.int64(kind), t != settled)
         if beyond:
             return t, True
     return len(rows), False
@@ -119,7 +121,8 @@ def blended_forces_by_bond(bonds, points, law, third, rows, alpha, moving, force
                 if is_alive(bonds, i, k):
                     j = neighbour(bonds, i, k)
                     _, stretch, shrink, dx, dy, dz = bond_strain(bonds, points, i, j, k, True, third)
-                    tension = pull(law, near_end(law, points, None, i, j), far_end(law, None, j), bond_weight(law, inverse_length(bonds, i, k)), stretch, shrink)
+                    weight = bond_weight(law, inverse_length(bonds, i, k))
+                    tension = pull(law, near_end(law, points, None, i, j), far_end(law, None, j), weight, stretch, shrink)
                     along = (dx, dy, dz)
                     for d in range(dim):
                         total[d] += tension * points.volume[j] * along[d]
@@ -152,7 +155,7 @@ def blended_energies(bonds, points, law, third, slots, alpha, energy):
 
 @sweep
 def find_blended(bonds, block, slots, alpha, status):
-    """Store in status (n,) of the particles in `slots` what alpha is around them: 0 nowhere above 0, 2 everywhere 1, else 1. Bonds, broken or not, reach there."""
+    """Store in status (n,) of the particles in `slots` what alpha is as far as their bonds, broken or not, reach: 0 nowhere above 0, 2 everywhere 1, else 1."""
     for n in range(len(slots)):
         i = slots[n]
         none, whole = alpha[i] == 0.0, alpha[i] == 1.0
@@ -165,7 +168,7 @@ def find_blended(bonds, block, slots, alpha, status):
 
 @sweep
 def strained_or_broken(bonds, points, law, third, slots, share, flags):
-    """Mark in flags (n,) the particles in `slots` (n,) with a bond stretched beyond `share` of their critical stretch, or with a broken one, pre-cracks included."""
+    """Mark in flags (n,) the particles in `slots` (n,) with a bond beyond `share` of their critical stretch, or with a broken one, pre-cracks included."""
     for n in range(len(slots)):
         i, found = slots[n], False
         limit = share * law.break_at[points.block[i], points.block[i]]
@@ -179,10 +182,10 @@ def strained_or_broken(bonds, points, law, third, slots, share, flags):
 
 @sweep
 def strained_rows(bonds, points, rows, share, known, watched, found):
-    """Store in found the lanes of rows of eight (lane l of row t is 8 t + l), of those watched, that a look at each bond may find stretched or broken; return how many.
+    """Store in found the watched lanes of rows of eight that a look at each bond may find stretched or broken; return how many.
 
-    Stretched: beyond `share` of the smallest critical stretch around; broken: bond states are not those in known (n_words, 8 n_rows) any more. watched (8 n_rows,)
-    is not negative for lanes that count. 2D, linear kinematics.
+    Lane l of row t is 8 t + l. Stretched: beyond `share` of the smallest critical stretch around; broken: bond states are not those in known
+    (n_words, 8 n_rows) any more. watched (8 n_rows,) is not negative for lanes that count. 2D, linear kinematics.
     """
     position, n, count, total = points.position, len(points.position), len(bonds.offset), 0
     for t in range(len(rows)):

@@ -10,17 +10,18 @@ _LARGEST_ENERGY = 1.1  # of what was there at the start and came in since
 class Enrichment:
     """The ledger of a coupled run.
 
-    active_share : of all particles those that move by themselves. enriched_x, enriched_y : degrees of freedom by component. energy_elements, energy_particles : kinetic
-    and strain energy of the mesh outside the patches and of the particles in them. iterations : of the mass solver so far. condition : estimate for the mass matrix.
-    projection_loss : kinetic energy that projections took so far. ghost_force : largest nodal force under uniform strain over sigma H.
+    active_share : of all particles those that move by themselves. enriched_x, enriched_y : degrees of freedom by component. energy_elements,
+    energy_particles : kinetic and strain energy of the mesh outside the patches and of the particles in them. mass_iterations : of the solver so far.
+    mass_condition : estimate for the scaled mass matrix. patches : vertices of J. projection_loss : kinetic energy that projections took so far.
+    ghost_force : largest nodal force under uniform strain over sigma H.
     """
 
     def __init__(self, comm, stepper):
         """Collective."""
-        self.comm, self.latest, self._shares = comm, {}, []
+        self.comm, self.latest = comm, {}
         self._total = comm.allreduce(stepper.view.n)
-        self.columns = ("active_share", "enriched_x", "enriched_y", "energy_elements [J]", "energy_particles [J]", "mass_iterations", "mass_condition", "projection_loss [J]",
-                        "ghost_force", "patches")
+        self.columns = ("active_share", "enriched_x", "enriched_y", "energy_elements [J]", "energy_particles [J]", "mass_iterations", "mass_condition",
+                        "projection_loss [J]", "ghost_force", "patches")
 
     def read(self, stepper):
         """Return the values of the columns. Collective."""
@@ -79,7 +80,7 @@ class EnrichmentGuard(Observer):
         self._scale = max(self._scale, abs(expected), self._initial)
         if not stored <= expected + (_LARGEST_ENERGY - 1.0) * self._scale and self._scale > 0.0:
             raise RunError(f"the energy is {stored:.4g} J at step {stepper.step}, t = {stepper.time:.6g} s, where {expected:.4g} J were put in:"
-                           " take a smaller time.dt, or more particles in a cell")
+                           " leave time.dt at \"auto\", or put more particles in a cell")
 
     def finish(self, stepper):
         """Check the final state. Collective."""

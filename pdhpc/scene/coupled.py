@@ -53,7 +53,8 @@ def _choose_sub_steps(scene, dt, critical):
     if k == "auto":
         return least
     if dt / k > critical and not scene.time.allow_unstable:
-        raise scene.error("gfem.substeps", f"{k}, sub-steps of {dt / k:g} s", f'"auto" or at least {math.ceil(dt / critical)}: the particles\' critical step is {critical:.6g} s')
+        allowed = f'"auto" or at least {math.ceil(dt / critical)}: the particles\' critical step is {critical:.6g} s'
+        raise scene.error("gfem.substeps", f"{k}, sub-steps of {dt / k:g} s", allowed)
     return k
 
 
@@ -210,7 +211,8 @@ class CoupledParts:
             number = [each.name for each in self.scene.body].index(region.body)
             inside &= self.body.lattices[number].shape.contains(points)
         if not largest(self.comm, int(inside[: self.mesh.n_owned].any())):
-            raise self.scene.error(key, f'"{name}", which holds no vertex of the mesh', "a region that holds one: vertices lie on the edges of the body, and cell_size apart")
+            allowed = "a region that holds one: vertices lie on the edges of the body, and cell_size apart"
+            raise self.scene.error(key, f'"{name}", which holds no vertex of the mesh', allowed)
         return inside
 
     def _set_initial_state(self):

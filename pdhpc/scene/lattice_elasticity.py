@@ -37,7 +37,7 @@ def make_lattice_elasticity(scene, body, comm):
     material = LatticeMaterial(lattice, part.subdomain, particles.law)
     volume = lattice.ratio**scene.dim * particles.cell_volume
     own = {
-        "stiffness": material.stiffness[:: 2 ** body.mesh.cells.shape[1]],  # those of elements that particles replace nowhere
+        "stiffness": material.whole_stiffness,
         "mass": material.consistent,
         "moduli": material.moduli.mean(axis=1),
         "density": material.lumped.sum(axis=1) / volume,
@@ -49,7 +49,7 @@ def make_lattice_elasticity(scene, body, comm):
 def _agree(comm, own):
     """Return (kinds of all ranks, each once and in one order; number (n,) of this rank's among them). Collective.
 
-    own : {name: (n, ...)} of this rank's kinds; equal kinds have the same bits, whichever rank they are on.
+    own : {name: (n, ...)} of this rank's kinds; those that differ by rounding from one rank to another count as different.
     """
     shapes = {name: values.shape[1:] for name, values in own.items()}
     flat = np.concatenate([values.reshape(len(values), -1) for values in own.values()], axis=1)

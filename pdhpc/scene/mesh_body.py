@@ -13,6 +13,7 @@ from pdhpc.scene.schema import POISSONS_RATIO
 from pdhpc.scene.sections import section
 from pdhpc.scene.sentences import nearest
 
+_MOST_CELLS = 2**28  # of a rank, whose vertices and slots are numbered by 32 bits
 _WEIGHT = 16  # of a cell in the partition of a box; one that is left out counts as 1
 
 
@@ -33,7 +34,7 @@ def make_mesh_body(scene, comm):
 
     Raises
     ------
-    SceneError, on every rank: no cell is left; a file that cannot be read, holds another dimension, or lacks a group; cells in no body, or in two.
+    SceneError, on every rank: no cell is left, or too many; a file that cannot be read, holds another dimension, or lacks a group; cells in no body, or in two.
     """
     mesh, number, partition = (_read if scene.from_file else _fill)(scene, comm)
     names = [material.name for material in scene.material]
@@ -62,6 +63,9 @@ def body_of_cells(scene, centres):
 def _fill(scene, comm):
     """Return (Mesh, body of each local cell, Partition) of boxes. Collective."""
     lower, upper, counts = box_of(scene)
+    most = _MOST_CELLS * comm.size
+    if np.prod(counts, dtype=float) > most:
+        raise scene.error("mesh.cell_size", f"{scene.mesh.cell_size:g} m, which makes {np.prod(counts, dtype=float):.3g} cells", f"at most {most:.3g} on {comm.size} ranks")
     whole = len(scene.body) == 1 and not scene.body[0].hole
 
     def keep(centres):

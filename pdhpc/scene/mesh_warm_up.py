@@ -1,11 +1,14 @@
 """Compile the kernels of runs with a mesh on small scenes, so that one process per node fills the cache before the others read it."""
 import contextlib
 
+import numpy as np
+
 from pdhpc.fem.critical_step import critical_step
 from pdhpc.fem.internal_forces import InternalForces, make_sweep
 from pdhpc.fem.nodes import Nodes
 from pdhpc.gfem.display import displayed
 from pdhpc.parallel.comm import compile_exact_sum
+from pdhpc.parallel.ghosts import compile_messages
 from pdhpc.parallel.linear_solver import SolverError
 from pdhpc.scene.build import build
 from pdhpc.scene.gauges import make_gauges
@@ -152,5 +155,6 @@ def compile_coupled(scene, comm):
     for gauge in gauges:
         gauge.read(stepper)
     gauges[0].start(stepper)
+    compile_messages(np.zeros((1, 2)), np.zeros((2, 1)).T, np.zeros((1, 2), np.int64))  # of vertices and cells, of positions by slot, of numbers
     if scene.output.pictures:
         displayed(comm, stepper)

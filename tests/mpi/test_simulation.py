@@ -220,10 +220,10 @@ def vertices_of(comm, simulation):
 
 @pytest.mark.mpi(min_size=2)
 @pytest.mark.parametrize("dim, overrides, tolerance", [
-    (2, [], 0.0), (3, [], 0.0), (2, LATTICE, 0.0), (2, ["fem.integration=newmark"], 1e-7), (3, ["fem.integration=static"], 1e-7),
+    (2, [], 0.0), (3, [], 0.0), (2, LATTICE, 1e-12), (2, ["fem.integration=newmark"], 1e-7), (3, ["fem.integration=static"], 1e-7),
 ], ids=["2d", "3d", "lattice", "newmark", "static"])
 def test_a_mesh_on_all_ranks_and_on_one(comm, dim, overrides, tolerance):
-    """Explicit steps have the same bits; implicit ones agree to the KSP's tolerance."""
+    """Explicit steps have the same bits, with moduli of the lattice but for rounding; implicit ones agree to the KSP's tolerance."""
     from mpi4py import MPI
 
     scene = parse_scene(MESH.format(**PLACES[dim]), "t", overrides)
@@ -233,8 +233,10 @@ def test_a_mesh_on_all_ranks_and_on_one(comm, dim, overrides, tolerance):
     for name, values in together.items():
         scale = np.abs(alone[name]).max(initial=0.0)
         assert np.abs(values - alone[name]).max() <= tolerance * scale, name
-    for name in ("cells", "vertices", "dofs", "dt", "critical_dt", "steps"):
+    for name in ("cells", "vertices", "dofs", "steps"):
         assert records[0][name] == records[1][name], name
+    for name in ("dt", "critical_dt"):
+        assert records[0][name] == pytest.approx(records[1][name], rel=tolerance, abs=0.0), name
     assert records[0]["energies"] == pytest.approx(records[1]["energies"], rel=max(tolerance, 1e-300), abs=1e-9 if tolerance else 0.0) and records[0]["energies"]["external_work"] > 0
     probes = [[probe.read(run.stepper) for probe in run.probes] for run in runs]
     assert np.allclose(probes[0][0] + probes[0][1], probes[1][0] + probes[1][1], rtol=max(tolerance, 1e-13), atol=1e-7)

@@ -44,7 +44,10 @@ CRACK = '[[crack]]\ntype = "polyline"\npoints = [[-{half}, 0.0], [{tip}, 0.0]]\n
 
 
 def _coupled_text(cells=(24, 16), extra="", material="", tip=-4.0, scheme="pinned"):
-    """Return the text of a plate of elements and particles, both of E = rho = 1: spacing 1, horizon 3, cells of 4, centred on 0; a crack along y = 0 up to x = `tip`, or None."""
+    """Return the text of a plate of elements and particles of E = rho = 1: spacing 1, horizon 3, cells of 4, centred on 0.
+
+    tip : a crack lies along y = 0 from the left edge to x = tip, or there is None.
+    """
     from pdhpc.study.verify.case import plate
 
     crack = "" if tip is None else CRACK.format(half=cells[0] / 2 + 1, tip=tip)
@@ -71,7 +74,7 @@ def coupled_body():
 
 @pytest.fixture
 def shake():
-    """Function stepper, size -> the stepper, every particle and vertex of it displaced and moving as smooth fields of that size, fields of the vertices interpolated."""
+    """Function (stepper, size) -> the stepper, its vertices displaced and moving as smooth fields of that size, its particles as these are interpolated."""
     return _shake
 
 

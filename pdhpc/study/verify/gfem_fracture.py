@@ -51,7 +51,7 @@ def _swinging_particles(body, dt, n_steps):
 
 
 def _swinging(body, scheme, make=None):
-    """Return (errors, energies over that of the particles at the start) at four times of a coupled run; make : function of a CoupledProblem -> another stepper."""
+    """Return (errors, energies over that of the particles at the start) at four times; make : function of a CoupledProblem -> another stepper than its own."""
     problem = body.coupled(f"gfem.scheme={scheme}")
     stepper = problem.stepper() if make is None else make(problem)
     stepper.patches.add(_near_crack(stepper.solution.mesh))
@@ -73,7 +73,8 @@ def _free_checks(body, bounds, schemes, ranges):
         error, energy = _swinging(body, scheme)
         checks += [at_most(f"{scheme}: error of the displacement at {when}", found, bound, _SOURCE) for when, found, bound in zip(QUARTERS, error, bounds)]
         least, most = ranges[scheme]
-        checks.append(share(_within(energy, least, most), f"{scheme}: energy over that at the start {words(energy)}, in [{least}, {most}] (errors {words(error)})", "energy"))
+        what = f"{scheme}: energy over that at the start {words(energy)}, in [{least}, {most}] (errors {words(error)})"
+        checks.append(share(_within(energy, least, most), what, "energy"))
     return checks
 
 
@@ -114,7 +115,7 @@ def gfem_fracture():
         reference, halved, heavier = _sensitivities(body, dt, len(result.tip))
         beside = f"(half step {words(halved)}, 0.1 % more load {words(heavier)})"
         for when, found, bound in zip(QUARTERS, errors(result, reference), (0.02, 0.02, 0.02, 0.06)):
-            checks.append(at_most(f"{scheme}: error of the displacement at {when} {beside if when == 'T' else ''}", found, bound, _SOURCE))
+            checks.append(at_most(f"{scheme}: error of the displacement at {when} {beside if when == 'T' else ''}".strip(), found, bound, _SOURCE))
         checks += _crack_checks(scheme, body, result, reference, 0.05)
         apart = np.abs(result.tip - reference.tip).max() / body.spacing
         checks.append(share(apart < 4, f"{scheme}: tips at most {apart:.1f} h apart, less than 4", _SOURCE))
@@ -139,7 +140,8 @@ def _long_checks(body):
         reference, halved, heavier = _sensitivities(body, dt, len(result.tip))
         found, larger = errors(result, reference), np.maximum(halved, heavier)
         what = f"{scheme}: error {found[3]:.4f} at T over the larger sensitivity {larger[3]:.4f} is {found[3] / larger[3]:.2f}, at most 2"
-        checks.append(share(found[3] <= 2 * larger[3], f"{what} (at quarters {words(found)}; half step {words(halved)}, 0.1 % more load {words(heavier)})", _SOURCE))
+        beside = f"at quarters {words(found)}; half step {words(halved)}, 0.1 % more load {words(heavier)}"
+        checks.append(share(found[3] <= 2 * larger[3], f"{what} ({beside})", _SOURCE))
         checks += _crack_checks(scheme, body, result, reference, 0.1)
     return checks
 

@@ -115,7 +115,7 @@ class Result(NamedTuple):
     """What a run came to, of all ranks.
 
     u (4, n, 2), m, and energy (4,), J, of all particles as peridynamics has it, at the four quarters. tip (n_steps,), m, after each step. broken bonds;
-    particle_steps of the coupled run's particles. share (n_steps,) of particles that moved by themselves.
+    particle_steps : sub-steps of all particles that moved by themselves, 0 where all do.
     """
 
     u: np.ndarray
@@ -192,7 +192,7 @@ def _hats(x, span):
 
 
 def set_in_motion(stepper, displacement, velocity, plate):
-    """Give a coupled body at rest functions of places (n, 2) as its displacement and velocity: at the points of patches, elsewhere as elements carry them. Collective."""
+    """Give a coupled body functions of places (n, 2) as displacement and velocity: at the points of patches, elsewhere as elements carry them. Collective."""
     solution, particles = stepper.solution, stepper.local.subdomain.particles
     slots = stepper.local.points.slots
     for function, nodal, at_points in ((displacement, solution.displacement, particles.position), (velocity, solution.velocity, particles.velocity)):

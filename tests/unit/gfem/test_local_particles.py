@@ -30,7 +30,8 @@ def test_everywhere_it_is_plain_peridynamics(coupled_body):
     assert local.broken == stepper.broken > 0 and np.array_equal(local.subdomain.bonds.alive(), other.subdomain.bonds.alive())
     for one, two in ((mine.position, plain.position), (mine.velocity, plain.velocity), (mine.dissipated, plain.dissipated)):
         assert mine.owned(one) == pytest.approx(plain.owned(two), abs=1e-15)
-    assert local.particle_steps == 3 * 384 and local.external_work().sum() == pytest.approx(sum(load.work.sum() for load in other.parts[0].conditions.loads), rel=1e-12)
+    work = sum(load.work.sum() for load in other.parts[0].conditions.loads)
+    assert local.particle_steps == 3 * 384 and local.external_work().sum() == pytest.approx(work, rel=1e-12)
 
 
 def test_impulses_are_momenta_where_bonds_reach_alpha_one(coupled_body, shake):
@@ -49,7 +50,8 @@ def test_impulses_are_momenta_where_bonds_reach_alpha_one(coupled_body, shake):
     np.minimum.at(least, i, local.alpha[j])
     whole = (least[slots] == 1.0) & blended.inside
     assert 8 < whole.sum() < blended.inside.sum(), "rows on the ramp hold lanes inside it"
-    before, velocity_before, first, second = (each.transpose(0, 2, 1).reshape(-1, 2) for each in (blended.before, blended.velocity_before, blended.impulse, blended.moment))
+    held = blended.before, blended.velocity_before, blended.impulse, blended.moment
+    before, velocity_before, first, second = (each.transpose(0, 2, 1).reshape(-1, 2) for each in held)
     particles = local.subdomain.particles
     gained = particles.velocity[slots] - velocity_before
     moved = particles.position[slots] - before - 1.2 * velocity_before
@@ -140,7 +142,8 @@ def test_new_particles_take_the_state_of_the_mesh(coupled_body):
     particles = local.subdomain.particles
     places = local.subdomain.places_at(local.points.slots)
     assert len(places) == 9 * 16
-    assert particles.position[local.points.slots] == pytest.approx(field(places), abs=1e-11) and particles.velocity[local.points.slots] == pytest.approx(-field(places), abs=1e-11)
+    assert particles.position[local.points.slots] == pytest.approx(field(places), abs=1e-11)
+    assert particles.velocity[local.points.slots] == pytest.approx(-field(places), abs=1e-11)
     others = np.setdiff1d(particles.slots, local.points.slots)
     assert not particles.velocity[others].any(), "outside the patches particles have no state of their own"
 

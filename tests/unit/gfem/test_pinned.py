@@ -21,7 +21,8 @@ def of_all(stepper):
     local, solution = stepper.local, stepper.solution
     standard, slots, particles = ~stepper.patches.chosen, local.points.slots, local.subdomain.particles
     places = np.concatenate([solution.mesh.points[standard], local.subdomain.places_at(slots)])
-    return np.concatenate([solution.displacement[standard], particles.position[slots]]), np.concatenate([solution.velocity[standard], particles.velocity[slots]]), places
+    u = np.concatenate([solution.displacement[standard], particles.position[slots]])
+    return u, np.concatenate([solution.velocity[standard], particles.velocity[slots]]), places
 
 
 def set_velocity(stepper, field):
@@ -121,7 +122,8 @@ def test_with_patches_everywhere_it_is_the_particles_alone(coupled_body):
     slots = stepper.local.points.slots
     mine = stepper.local.subdomain.particles
     assert np.all(stepper.patches.chosen) and len(slots) == 384
-    assert mine.owned(mine.position) == pytest.approx(particles.owned(particles.position), abs=1e-13) and mine.owned(mine.velocity) == pytest.approx(particles.owned(particles.velocity), abs=1e-13)
+    for one, two in ((mine.position, particles.position), (mine.velocity, particles.velocity)):
+        assert mine.owned(one) == pytest.approx(particles.owned(two), abs=1e-13)
 
 
 def test_one_step_solves_the_formulas(coupled_body, shake):

@@ -15,14 +15,17 @@ def test_alpha_is_interpolated_and_snaps_to_its_ends():
 
 def test_rows_are_marked_by_their_particles():
     status, inverse = np.zeros(36, np.int8), np.zeros(36)
-    status[9], status[18], status[20], inverse[25] = 2, 2, 1, 0.5
+    status[9], status[18], status[20], inverse[[9, 18, 20, 25]] = 2, 2, 1, 0.5
     marks = np.full(5, 7, np.uint8)
     mark_rows(np.array([8, 9, 17, 16, 30, 33]), status, inverse, marks)
-    assert marks.tolist() == [7, WHOLE, WHOLE | MIXED, MOVING, 0], "the row that nobody asked for stays, and the last one is short"
-    assert rows_with(marks, WHOLE, MIXED).tolist() == [8] and rows_with(marks, MIXED, 0).tolist() == [0, 16] and rows_with(marks, MOVING, 0).tolist() == [0, 24]
+    assert marks.tolist() == [7, WHOLE | MOVING, WHOLE | MIXED | MOVING, MOVING, 0], "the row that nobody asked for stays, and the last one is short"
+    assert rows_with(marks, WHOLE, MIXED).tolist() == [8] and rows_with(marks, MIXED, 0).tolist() == [0, 16] and rows_with(marks, MOVING, 0).tolist() == [0, 8, 16, 24]
     status[20] = 2
     mark_rows(np.array([20]), status, inverse, marks)
-    assert marks[2] == WHOLE, "marks are set anew"
+    assert marks[2] == WHOLE | MOVING, "marks are set anew"
+    inverse[20] = 0.0
+    mark_rows(np.array([20]), status, inverse, marks)
+    assert marks[2] == WHOLE | MIXED | MOVING, "what acts on a particle that does not move is not to be had from its motion"
 
 
 def test_lanes_take_what_their_slots_say():

@@ -11,7 +11,18 @@ from pdhpc.study.verify.case import plate, problem_of
 
 WEIGHTS = np.array([0.7, -0.3])
 HOLE = '[[body.hole]]\nshape = "disk"\ncenter = [1.5, 0.5]\nradius = 2.1\n'
-BESIDE = '[[material]]\nname = "other"\ndensity = 1.0\nyoungs_modulus = 3.0\n[[body]]\nname = "beside"\nmaterial = "other"\nshape = "box"\nlower = [8.5, -4.5]\nupper = [14.5, 4.5]\n'
+BESIDE = """
+[[material]]
+name = "other"
+density = 1.0
+youngs_modulus = 3.0
+[[body]]
+name = "beside"
+material = "other"
+shape = "box"
+lower = [8.5, -4.5]
+upper = [14.5, 4.5]
+"""
 BODIES = {"2d": dict(cells=(17, 9)), "hole": dict(cells=(17, 9), hole=HOLE), "materials": dict(cells=(17, 9), extra=BESIDE), "3d": dict(cells=(10, 5, 4))}
 
 
@@ -51,7 +62,8 @@ def arguments(problem, alpha, rows=None):
     rows = np.concatenate(subdomain.rows) if rows is None else rows
     sums = [np.full((len(rows), particles.dim, 8), start) for start in (5.0, -2.0)]
     force = np.full(particles.position.shape[::-1], 99.0).T
-    return (subdomain.bonds.arrays, subdomain.points, problem.body.law, particles.third, rows, alpha, np.ones(len(alpha)), force, particles.dissipated, WEIGHTS, *sums), force, sums
+    bodies = subdomain.bonds.arrays, subdomain.points, problem.body.law, particles.third
+    return (*bodies, rows, alpha, np.ones(len(alpha)), force, particles.dissipated, WEIGHTS, *sums), force, sums
 
 
 def by_owned(subdomain, rows, values):
@@ -101,10 +113,11 @@ def test_bonds_break_as_in_the_plain_sweep_and_exert_nothing(sweep):
         subdomain, particles = problem.subdomain, problem.subdomain.particles
         call, force, sums = arguments(problem, np.ones_like(alpha))
         if plain:
-            broken = sweeps.bond_forces(subdomain.bonds.arrays, subdomain.points, problem.body.law, None, True, particles.third, call[4], force, particles.dissipated)
+            broken = sweeps.bond_forces(*call[:3], None, True, particles.third, call[4], force, particles.dissipated)
         else:
             broken = sweep(*call)
-            assert by_owned(subdomain, call[4], sums[1]) == pytest.approx(-2.0 + WEIGHTS[1] * particles.owned(force), rel=1e-13), "rows that lost bonds are summed once"
+            once = -2.0 + WEIGHTS[1] * particles.owned(force)
+            assert by_owned(subdomain, call[4], sums[1]) == pytest.approx(once, rel=1e-13), "rows that lost bonds are summed once"
         found.append((broken, subdomain.bonds.alive(), particles.owned(force).copy(), particles.owned(particles.dissipated).copy()))
     assert found[0][0] == found[1][0] > 100
     assert np.array_equal(found[0][1], found[1][1]) and found[0][2] == pytest.approx(found[1][2], abs=1e-15) and np.array_equal(found[0][3], found[1][3])
@@ -215,7 +228,7 @@ def test_moduli_give_the_energy_of_any_uniform_strain(body):
 
 
 def test_moduli_of_a_whole_family_of_the_square_lattice():
-    """Horizon 3.015 h, linear volume correction: a sum over the square lattice; calibrated by c = 9 E / (pi delta^3), nearly that of an isotropic solid of nu = 1/3."""
+    """Horizon 3.015 h, linear volume correction: a sum over the square lattice; c is near 9 E / (pi delta^3), and nu near 1/3."""
     problem = problem_of(plate((17, 17), 3.015).replace("kinematics", 'volume_correction = "linear"\nkinematics'))
     particles = problem.subdomain.particles
     moduli = np.empty((1, 3, 3))
@@ -231,7 +244,8 @@ def test_moduli_of_a_whole_family_of_the_square_lattice():
                 v = np.array([m * m, n * n, m * n]) / r**2
                 expected += 0.5 * c * min(1.0, horizon + 0.5 - r) * r * np.outer(v, v)
     assert moduli[0] == pytest.approx(expected, rel=1e-12, abs=1e-15)
-    assert expected[0, 1] == pytest.approx(expected[2, 2], rel=1e-14) and expected[0, 0] == pytest.approx(3 * expected[0, 1], rel=0.06), "Cauchy's relation, near isotropy"
+    assert expected[0, 1] == pytest.approx(expected[2, 2], rel=1e-14), "Cauchy's relation"
+    assert expected[0, 0] == pytest.approx(3 * expected[0, 1], rel=0.06), "near isotropy"
 
 
 def test_rows_that_may_be_strained(lose_bonds):

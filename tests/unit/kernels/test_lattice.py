@@ -7,7 +7,7 @@ import pytest
 from pdhpc.jit import kernel
 from pdhpc.kernels import sweeps
 from pdhpc.kernels.family import MIXED
-from pdhpc.kernels.lattice import WORD, count_bits, mark_kinds
+from pdhpc.kernels.lattice import WORD, count_bits
 from pdhpc.study.verify.case import plate, problem_of
 from pdhpc.warm_up import MODELS
 
@@ -113,19 +113,3 @@ def test_axes_of_the_grid_do_not_change_the_order_of_sums(model, cells):
     assert far.sum() >= 9
     assert np.array_equal(particles.owned(particles.force_density)[far], whole.particles.owned(whole.particles.force_density)[rows])
     assert np.array_equal(short.subdomain.bonds.alive()[far], whole.bonds.alive()[rows])
-
-
-def test_kinds_are_what_every_bond_of_eight_reaches():
-    """One block of slots in a row of three, reached by offsets of -3, 1 and 5 slots: alone, with lanes missing, with another block in it, beside it and out of reach."""
-    offset = np.array([-3, 1, 5])
-    for at, expected in ((None, 2), (10, 2), (8, MIXED), (3, 2), (5, MIXED), (4, 2), (20, MIXED), (21, 2), (16, MIXED), (15, MIXED)):
-        block = np.full(24, 2, np.uint8)
-        block[[9, 19]] = MIXED  # no particle there
-        if at is not None:
-            block[at] = MIXED if at == 10 else 0
-        kind = np.full(3, 77, np.uint8)
-        mark_kinds(offset, block, np.array([8], np.int32), kind)
-        reached = {int(block[j]) for i in range(8, 16) if block[i] != MIXED for j in (i, *(i + offset)) if block[j] != MIXED}
-        assert kind.tolist() == [77, expected, 77] and (expected == MIXED) == (len(reached) > 1), at
-    mark_kinds(offset, np.full(24, MIXED, np.uint8), np.array([8], np.int32), kind)
-    assert kind[1] == MIXED, "nobody lives there"

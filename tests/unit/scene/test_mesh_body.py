@@ -62,6 +62,7 @@ def test_a_file_is_read_from_the_folder_of_the_scene(comm, request, version):
     (FILE, ["body.plate.group=plat"], ["body 'plate': group = \"plat\"", "a group of cells of fem/quarter_plate_4.msh (lower half, plate) (did you mean \"plate\"?)"]),
     (FILE, ["dimension=3d"], ["with cells of 2 dimensions", 'cells of 3 with dimension = "3d"']),
     (FILE + '[[body]]\nname = "again"\nmaterial = "m"\nshape = "mesh"\ngroup = "plate"\n', [], ["body 'again': group", "with a body before it", "without common cells"]),
+    (FEM, ["mesh.cell_size=1e-4"], ["mesh.cell_size = 0.0001 m, which makes 5e+09 cells", "at most 2.68e+08 on 1 ranks"]),
     (FEM, ['body.b.hole=[{shape="half_space", point=[0.0, 0.0], normal=[1.0, 0.0]}]'], ["body = the mesh has no cell", "not wholly a hole"]),
 ])
 def test_what_only_the_mesh_shows(comm, request, text, overrides, words):
