@@ -27,7 +27,7 @@ class Raster(NamedTuple):
 
 
 def rebuild(comm, stepper):
-    """Return the Raster of a coupled step, by moving least squares cut off at broken bonds: displacements jump across cracks as sharply as there are points. Collective."""
+    """Return the Raster of a coupled step, by moving least squares cut off at broken bonds: displacements jump across cracks. Collective."""
     local, mesh = stepper.local, stepper.solution.mesh
     lattice, cells = local.lattice, np.flatnonzero(stepper.patches.enriched[: mesh.n_owned_cells])
     number = lattice.ratio * _fineness(comm.allreduce(len(cells)) * lattice.ratio**mesh.dim, mesh.dim)

@@ -36,7 +36,7 @@ class CoupledView(View):
             field[slots] = values
 
     def field(self, name):
-        """Return the field `name` (peridynamics/fields.py) of all particles; active : 1 where they move by themselves, 0 where as the mesh says. Local; after `prepare`."""
+        """Return the field `name` (peridynamics/fields.py) of all particles; active : 1 where they move by themselves. Local; after `prepare`."""
         particles = self._local.subdomain.particles
         if name == "displacement":
             return particles.owned(particles.position)

@@ -53,7 +53,7 @@ class JoinedView:
     def field(self, name):
         """Return the field `name` (peridynamics/fields.py) of all particles."""
         subdomain = self._steppers[1].subdomain
-        if name == "displacement":
+        if name in ("displacement", "active"):
             return self._join(*(part.field(name) for part in self._parts))
         if name == "velocity":
             coarse, fine = (part.field(name) for part in self._parts)

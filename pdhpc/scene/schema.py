@@ -90,7 +90,7 @@ class Output(Table):
     every: Optional[Positive] = key("interval between frames of fields", "s", default=None)
     frames: Optional[Whole] = key("number of evenly spaced frames after t = 0 (default 20, unless every or times is given)", "1", default=None)
     times: Optional[Numbers] = key("times of frames, increasing", "s", default=None)
-    fields: Annotated[List[FieldName], Filled] = key("fields of each frame; active: 1 where a particle moves by itself, 0 where finite elements move it", default=["displacement", "damage"])
+    fields: Annotated[List[FieldName], Filled] = key("fields of each frame; active: 1 where a particle moves by itself, not as elements do", default=["displacement", "damage"])
     history_every: Optional[Positive] = key("interval between rows of history.csv, beside those at the frames", "s", default=None)
     pictures: Flag = key("draw pictures at the end", default=True)
 

@@ -96,10 +96,12 @@ def test_display_holds_the_same_rows(comm, pulled_plate):
         _, stepper = pulled_plate(ranks, "galerkin")
         for _ in range(3):
             stepper.advance()
-        parts = ranks.allgather(displayed(ranks, stepper))
+        parts = ranks.allgather(displayed(ranks, stepper)[0])
         found.append({name: np.concatenate([part[name] for part in parts]) for name in parts[0]})
     joined, alone = found
     order, expected = (np.argsort(each["vertices/id"]) for each in found)
     assert np.array_equal(joined["vertices/enriched"][order], alone["vertices/enriched"][expected])
     assert joined["functions/vertex"].tolist() == alone["functions/vertex"].tolist()
+    order, expected = (np.lexsort(each["raster/position"].T) for each in found)
+    assert joined["raster/displacement"][order] == pytest.approx(alone["raster/displacement"][expected], abs=1e-6 * np.abs(alone["raster/displacement"]).max())
     assert {name: values.shape for name, values in joined.items()} == {name: values.shape for name, values in alone.items()}

@@ -68,3 +68,10 @@ def test_foremost_damage(coupled_body, lose_bonds):
     expected = max(inside[[3, 40, 17]], key=lambda row: x[row])
     found = view.foremost(members, x, 0.2)
     assert x[found] == x[expected] and found in inside and view.foremost(members[::-1], x[::-1], 0.2) == view.n - 1 - found
+
+
+def test_active_particles_are_those_of_enriched_cells(coupled_body):
+    stepper = coupled_body().stepper()
+    active, local = stepper.view.field("active"), stepper.local
+    assert set(active) == {0.0, 1.0} and active.sum() == local.n_active == len(local.points.slots)
+    assert np.array_equal(active > 0, local.inside[local.subdomain.particles.slots])

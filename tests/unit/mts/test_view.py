@@ -4,7 +4,7 @@ import pytest
 from pdhpc.study.verify.case import plate, problem_of
 from pdhpc.study.verify.mts import coupled
 
-NAMES = ("displacement", "velocity", "damage", "precrack", "force_density", "stress", "strain", "strain_energy_density")
+NAMES = ("displacement", "velocity", "damage", "precrack", "force_density", "stress", "strain", "strain_energy_density", "active")
 CRACK = '[[crack]]\ntype = "polyline"\npoints = [[-13.0, 0.0], [2.0, 0.0]]\n'
 
 

@@ -74,4 +74,4 @@ def test_shapes_of_all_fields(path):
     shapes = {name: field(name, problem.subdomain, problem.body.law).shape for name in FIELDS}
     assert {shapes[name] for name in ("displacement", "velocity", "force_density")} == {(12, 2)}
     assert {shapes[name] for name in ("stress", "strain")} == {(12, 2, 2)}
-    assert {shapes[name] for name in ("damage", "precrack", "strain_energy_density")} == {(12,)}
+    assert {shapes[name] for name in ("damage", "precrack", "strain_energy_density", "active")} == {(12,)}
