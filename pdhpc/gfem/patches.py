@@ -52,9 +52,9 @@ class Patches:
         wanted &= self._may_join & ~self.chosen
         self.chosen |= wanted
         self._find_cells()
-        return int(wanted[: mesh.n_owned].sum()) + self._fill_gaps()
+        return int(wanted[: mesh.n_owned].sum()) + self.fill_gaps()
 
-    def _fill_gaps(self):
+    def fill_gaps(self):
         """Choose vertices all of whose cells are enriched; return how many of this rank's are new. Collective over neighbours.
 
         They enrich no further cell. Left out, such a vertex (on the body's surface behind a crack, between two branches) would have elements on a mass that is consistent all

@@ -175,3 +175,21 @@ def gfem_fracture_loads():
             what = f"{scheme}, H/h = {ratio}, loads {', '.join(map(str, loads))}: errors at T {words(found)}, larger sensitivities {words(larger)}"
             checks.append(share(times <= 2, f"{what}; root mean squares {times:.2f} to 1, at most 2", _SOURCE))
     return checks
+
+
+@case
+def gfem_fracture_edges():
+    """Cracks run into the layers that cannot fail and branch, T = 2.6: patches meet the surface and each other; with gaps between them the run must blow up"""
+    body = Plate(5, 4, 2.6, 2 * _LOAD, _STRENGTH)
+    checks = []
+    for scheme in _SCHEMES:
+        result, dt = run_coupled(body, f"gfem.scheme={scheme}")
+        reference = run_full(body, dt, len(result.tip))
+        checks.append(Check(f"{scheme}: broken bonds, of {reference.broken}", result.broken, reference.broken, 0.1, _SOURCE))
+        checks.append(at_most(f"{scheme}: error of the displacement at T", errors(result, reference)[-1], 0.2, _SOURCE))
+    problem = body.coupled()
+    stepper = problem.stepper()
+    stepper.patches.fill_gaps = lambda: 0
+    gaps = observe(stepper, problem.n_steps)
+    checks.append(share(gaps.broken > 2 * reference.broken, f"control: with gaps {gaps.broken} bonds break, more than twice as many"))
+    return checks
