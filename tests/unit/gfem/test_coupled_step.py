@@ -71,7 +71,8 @@ def test_a_continued_run_needs_no_more_than_the_state(coupled_body, shake, schem
         other.advance()
     assert through.patches.chosen.sum() >= counts[1] > counts[0] and through.broken == broken + other.broken and broken > 0
     for key, (get, _) in other.state().items():
-        assert np.array_equal(get(), through.state()[key][0]()), key
+        expected = through.state()[key][0]()
+        assert np.array_equal(get(), expected) or key == "work/particle_loads" and get() == pytest.approx(expected, rel=1e-14), key  # a sum taken up at another place
     for name, values in through.ledger().items():
         assert other.ledger()[name].sum() == pytest.approx(values.sum(), rel=1e-12), name
 
