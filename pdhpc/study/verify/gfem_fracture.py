@@ -10,7 +10,7 @@ from pdhpc.study.verify.gfem_plate import CELL, CRACK, HEIGHT, QUARTERS, Plate, 
 
 _SCHEMES = ("pinned", "galerkin")
 _SOURCE = "particles everywhere"
-_LOAD = 0.002  # Pa: about as many bonds break by T = 2.6 at H/h = 5 as in the prototype
+_LOAD = 0.002  # Pa, one tenth of E times the critical stretch: about as many bonds break by T = 2.6 at H/h = 5 as in the prototype
 _STRENGTH = 0.02
 _FREE_BOUNDS = (0.02, 0.03, 0.06, 0.06)
 
@@ -89,8 +89,8 @@ def gfem_free():
 
 @case(slow=True)
 def gfem_free_long():
-    """Free vibration of the cracked plate, T = 10: energy of the pinned scheme"""
-    return _free_checks(Plate(5, 4, 10.0), (), ("pinned", "galerkin"), {"pinned": (0.85, 1.01), "galerkin": (0.0, np.inf)})
+    """Free vibration of the cracked plate, T = 10: energy, which the galerkin scheme lets grow by up to 12 %"""
+    return _free_checks(Plate(5, 4, 10.0), (), _SCHEMES, {"pinned": (0.85, 1.01), "galerkin": (0.97, 1.12)})
 
 
 @case(slow=True)
@@ -174,4 +174,22 @@ def gfem_fracture_loads():
             times = np.linalg.norm(found) / np.linalg.norm(larger)
             what = f"{scheme}, H/h = {ratio}, loads {', '.join(map(str, loads))}: errors at T {words(found)}, larger sensitivities {words(larger)}"
             checks.append(share(times <= 2, f"{what}; root mean squares {times:.2f} to 1, at most 2", _SOURCE))
+    return checks
+
+
+@case
+def gfem_fracture_edges():
+    """Cracks run into the layers that cannot fail and branch, T = 2.6: patches meet the surface and each other; with gaps between them the run must blow up"""
+    body = Plate(5, 4, 2.6, 2 * _LOAD, _STRENGTH)
+    checks = []
+    for scheme in _SCHEMES:
+        result, dt = run_coupled(body, f"gfem.scheme={scheme}")
+        reference = run_full(body, dt, len(result.tip))
+        checks.append(Check(f"{scheme}: broken bonds, of {reference.broken}", result.broken, reference.broken, 0.1, _SOURCE))
+        checks.append(at_most(f"{scheme}: error of the displacement at T", errors(result, reference)[-1], 0.2, _SOURCE))
+    problem = body.coupled()
+    stepper = problem.stepper()
+    stepper.patches.fill_gaps = lambda: 0
+    gaps = observe(stepper, problem.n_steps)
+    checks.append(share(gaps.broken > 2 * reference.broken, f"control: with gaps {gaps.broken} bonds break, more than twice as many"))
     return checks
