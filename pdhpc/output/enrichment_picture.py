@@ -70,15 +70,20 @@ class _Space:
 
 
 def _particles(directory):
-    if not (directory / "fields.h5").exists() or not frame_times(directory):
-        return None
-    points = read_points(directory)
-    if len(points["id"]) > _MOST_PARTICLES:
+    if not (directory / "fields.h5").exists() or not frame_times(directory) or _count(directory) > _MOST_PARTICLES:
         return None
     _, _, fields = read_frame(directory, -1, ["displacement", "damage"])
     if "displacement" not in fields:
         return None
-    return {**fields, "position": points["position"], "displacement": fields["displacement"][:, :2]}
+    return {**fields, "position": read_points(directory)["position"], "displacement": fields["displacement"][:, :2]}
+
+
+def _count(directory):
+    """Return the number of particles."""
+    import h5py
+
+    with h5py.File(directory / "fields" / "points.h5", "r") as file:
+        return len(file["id"])
 
 
 def _panels(space):
