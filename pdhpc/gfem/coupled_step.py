@@ -14,7 +14,7 @@ from pdhpc.kernels.motion import kinetic_energies
 from pdhpc.parallel.comm import largest
 
 
-_SOON = 0.8  # of theta: cells strained beyond it join as soon as others do
+_SOON = 0.7  # of theta: cells strained beyond it join as soon as others do
 
 
 class CoupledStep:
@@ -63,7 +63,7 @@ class CoupledStep:
         """Start the particles from the global solution, which they hold, and tell the collar how it moves: a extrapolated to the middle of the step."""
         with self._timed("seed"):
             solution = self.solution
-            self.local.hold_collar(solution.displacement, solution.velocity, 1.5 * solution.acceleration - 0.5 * solution.previous_acceleration)
+            self.local.hold_collar(solution.velocity, 1.5 * solution.acceleration - 0.5 * solution.previous_acceleration)
 
     def run_particles(self):
         """Let the particles move for k sub-steps."""
@@ -86,6 +86,7 @@ class CoupledStep:
         self.local.follow(self.patches, weight, self.solution.displacement, self.solution.velocity)
         self.solution.follow(self.patches, weight)
         self.scheme.follow(self.patches)
+        self.local.put_collar(self.solution.displacement)
         enriched, whole = (cells[: self.solution.mesh.n_owned_cells] for cells in (self.patches.enriched, self.patches.whole))
         self.local.watch(enriched & ~whole)
         self._free = np.flatnonzero(~enriched & np.isfinite(self._limits)).astype(np.int32)

@@ -84,7 +84,8 @@ class Instant(Galerkin):
         """
         solution, nothing = self.solution, np.zeros_like(self.solution.displacement)
         solution.evaluate_elements() if time is None else solution.evaluate(time)
-        self.local.hold_collar(solution.displacement, nothing, nothing)
+        self.local.put_collar(solution.displacement)
+        self.local.hold_collar(nothing, nothing)
         self.local.evaluate(time)
         solution.right[...] = solution.force
         self.state.gather_forces(solution.mesh.cells, solution.right)

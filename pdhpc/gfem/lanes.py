@@ -66,20 +66,23 @@ def blend_state(rows, inside, alpha, before, position, velocity, of_velocity):
 
 
 @kernel
-def add_nodal(slots, chosen, shape, cells, nodal, field):
-    """field[slots] += sum_i N_i nodal[i] at the particles of cells chosen (n,); slots (n, n_points), shape (n_points, corners), nodal (n_vertices, dim)."""
+def add_nodal(slots, chosen, shape, along, cells, nodal, field):
+    """field[slots] += sum_i N_i nodal[i] at the particles of cells chosen (n,); slots (n, n_points), shape (n_points, corners), nodal (n_vertices, dim).
+
+    `along` particles at a time lie in slots that follow each other, on a line along which the sum is linear.
+    """
     corners, dim = shape.shape[1], nodal.shape[1]
-    value = np.empty(corners)
     for c in range(len(chosen)):
         corner = cells[chosen[c]]
         for d in range(dim):
-            for a in range(corners):
-                value[a] = nodal[corner[a], d]
-            for p in range(slots.shape[1]):
-                total = 0.0
+            for p in range(0, slots.shape[1], along):
+                first, last = 0.0, 0.0
                 for a in range(corners):
-                    total += shape[p, a] * value[a]
-                field[slots[c, p], d] += total
+                    first += shape[p, a] * nodal[corner[a], d]
+                    last += shape[p + along - 1, a] * nodal[corner[a], d]
+                slope, slot = (last - first) / (along - 1), slots[c, p]
+                for i in range(along):
+                    field[slot + i, d] += first + slope * i
 
 
 @kernel

@@ -136,10 +136,10 @@ class LocalParticles:
         """Bytes that this rank sends per sub-step."""
         return self._positions.bytes_sent if self._positions is not None else 0
 
-    def hold_collar(self, displacement, velocity, acceleration):
-        """Take from nodal fields (n_vertices, dim), ghosts fresh, how the collar moves in the step to come. Local."""
+    def hold_collar(self, velocity, acceleration):
+        """Take from nodal fields (n_vertices, dim), ghosts fresh, how the collar moves in the step to come, from where `put_collar` put it. Local."""
         collar, cells = self.collar, self.lattice.mesh.cells
-        for nodal, held in ((displacement, collar.displacement), (velocity, collar.velocity), (acceleration, collar.acceleration)):
+        for nodal, held in ((velocity, collar.velocity), (acceleration, collar.acceleration)):
             interpolate(cells, collar.cell, collar.number, self.lattice.shape, nodal, held)
 
     def put_collar(self, displacement):

@@ -111,7 +111,7 @@ class Pinned:
 
     def _add_to_points(self, field):
         local, solution = self.local, self.solution
-        lanes.add_nodal(local.cell_slots, local.cells, local.lattice.shape, solution.mesh.cells, solution.change, field)
+        lanes.add_nodal(local.cell_slots, local.cells, local.lattice.shape, local.lattice.ratio, solution.mesh.cells, solution.change, field)
 
 
 @kernel

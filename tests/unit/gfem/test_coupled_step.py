@@ -83,6 +83,7 @@ def test_the_collar_is_told_where_the_mesh_goes(coupled_body):
     solution, collar = stepper.solution, stepper.local.collar
     solution.displacement[:], solution.velocity[:] = (1.0, 2.0), (3.0, 4.0)
     solution.acceleration[:], solution.previous_acceleration[:] = (5.0, 6.0), (7.0, 10.0)
+    stepper.choose_patches()
     stepper.seed_particles()
     for found, expected in ((collar.displacement, (1.0, 2.0)), (collar.velocity, (3.0, 4.0)), (collar.acceleration, (4.0, 4.0))):
         assert len(found) > 0 and found == pytest.approx(np.broadcast_to(expected, found.shape))

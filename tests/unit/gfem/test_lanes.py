@@ -77,15 +77,17 @@ CELLS = np.array([[0, 1, 4, 3], [1, 2, 5, 4], [3, 4, 7, 6]], np.int32)
 
 
 def test_nodal_fields_are_added_at_points():
+    """Three particles at a time on a line, along which functions are linear."""
     field = fields(count=1)[0]
     random = np.random.default_rng(6)
-    nodal, shape = random.uniform(-1, 1, (8, 2)), random.uniform(size=(3, 4))
-    slots, cell = np.array([[4, 9, 30], [2, 55, 54]]), np.array([2, 0], np.int32)
+    nodal, ends = random.uniform(-1, 1, (8, 2)), random.uniform(size=(2, 2, 4))
+    shape = np.concatenate([[first, 0.5 * (first + last), last] for first, last in ends])
+    slots, cell = np.array([[4, 5, 6, 30, 31, 32], [53, 54, 55, 12, 13, 14]]), np.array([2, 0], np.int32)
     expected = field.copy()
     for c in range(2):
-        for p in range(3):
+        for p in range(6):
             expected[slots[c, p]] += shape[p] @ nodal[CELLS[cell[c]]]
-    lanes.add_nodal(slots, cell, shape, CELLS, nodal, field)
+    lanes.add_nodal(slots, cell, shape, 3, CELLS, nodal, field)
     assert field == pytest.approx(expected, abs=1e-15)
 
 
