@@ -31,7 +31,7 @@ from pdhpc.scene.sections import section
 from pdhpc.scene.steps import choose_step
 
 _ACTIVE = 64  # weight of a cell that a pre-crack crosses, in the partition; others count as 1
-_SUB_STEP_SHARE = 0.55  # of the particles' critical step that a sub-step takes: 4 sub-steps at H/h = 5, 8 at 10, which cracks were verified with
+_SUB_STEP_SHARE = 0.57  # of the particles' critical step that a sub-step takes: 4 sub-steps at H/h = 5, 8 at 10, which cracks were verified with
 
 
 def build_coupled(scene, comm):
@@ -48,7 +48,7 @@ def build_coupled(scene, comm):
 
 
 def _choose_sub_steps(scene, dt, critical):
-    """Return k; dt/k is at most 0.55 (or time.safety, if that is less) of the particles' critical step when the scene leaves it open."""
+    """Return k; dt/k is at most 0.57 (or time.safety, if that is less) of the particles' critical step when the scene leaves it open."""
     k, least = scene.gfem.substeps, max(1, math.ceil(dt / (min(scene.safety, _SUB_STEP_SHARE) * critical) * (1 - 1e-12)))
     if k == "auto":
         return least
