@@ -2,8 +2,6 @@
 
     u^h = sum_i phi_i a_i + sum_{i in J} phi_i eta,   eta from particles that move for k sub-steps on the patches of J.
 """
-from time import perf_counter
-
 import numpy as np
 
 from pdhpc.gfem.ghost_force import ghost_force
@@ -11,6 +9,7 @@ from pdhpc.gfem.patches import largest_principal_strains
 from pdhpc.gfem.view import CoupledView
 from pdhpc.kernels import blend
 from pdhpc.kernels.motion import kinetic_energies
+from pdhpc.mts.two_regions import Timer
 from pdhpc.parallel.comm import largest
 
 
@@ -201,17 +200,4 @@ class CoupledStep:
         return {**state, **solution.work_state(), **self.local.work_state()}
 
     def _timed(self, name):
-        return _Timer(self._stages, name)
-
-
-class _Timer:
-    """Adds the seconds of a block to an account."""
-
-    def __init__(self, seconds, name):
-        self._seconds, self._name = seconds, name
-
-    def __enter__(self):
-        self._started = perf_counter()
-
-    def __exit__(self, *error):
-        self._seconds[self._name] += perf_counter() - self._started
+        return Timer(self._stages, name)
