@@ -45,9 +45,3 @@ def checked(moduli, dim):
         if not lowest > 0.0:
             raise ValueError(f"moduli of kind {kind} are not positive definite: the lowest eigenvalue is {lowest:.3g} Pa")
     return 0.5 * (c + c.transpose(0, 2, 1))
-
-
-def voigt_of_tensor(tensor):
-    """Return C (..., v, v) of moduli (..., dim, dim, dim, dim) with the symmetries of elasticity."""
-    pairs = PAIRS[tensor.shape[-1]]
-    return np.stack([np.stack([tensor[..., a, b, c, d] for c, d in pairs], axis=-1) for a, b in pairs], axis=-2)

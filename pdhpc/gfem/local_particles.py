@@ -122,11 +122,6 @@ class LocalParticles:
         prescribed = (cell >= self.lattice.mesh.n_owned_cells) | (self._status[slots] > 0)
         self.collar = Collar(slots[prescribed], cell[prescribed], number[prescribed], self.lattice.mesh.dim)
 
-    def outside(self, cells):
-        """Return (n, ratio^dim), 1 - alpha at the particles of owned cells (n,), 0 where there is none. Local."""
-        slots = self.lattice.slots_of(np.asarray(cells, np.int32))
-        return np.where(slots >= 0, 1.0 - self.alpha[slots], 0.0)
-
     def original_block(self, slots):
         """Return the blocks of particles as the scene has them, whether or not they may fail at present. Local."""
         return self._block[slots]

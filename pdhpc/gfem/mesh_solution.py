@@ -31,9 +31,6 @@ class MeshSolution:
         self._change, self._right = mesh.exchange.bind(self.change), mesh.exchange.bind(self.right)
         self._half, self._buffer, self.first = np.zeros(shape), np.zeros(8), True
         self.load_work = np.zeros(len(mesh.points))
-        self.held = np.zeros(shape, bool)
-        for motion in motions:
-            self.held[np.ix_(motion.indices, motion.components)] = True
 
     def refresh(self, *names):
         """Bring ghosts of the named nodal fields up to date. Collective over neighbours."""

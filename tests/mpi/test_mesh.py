@@ -7,7 +7,6 @@ import pytest
 
 from pdhpc.fem.box_mesh import Box, take_box_share
 from pdhpc.fem.facets import DIM
-from pdhpc.fem.locate import find_cells
 from pdhpc.fem.mesh import cell_partition, make_box_mesh, read_mesh
 from pdhpc.fem.plex import call_petsc
 from pdhpc.parallel.partition import Partition
@@ -183,19 +182,6 @@ def test_what_keep_raises_is_raised_on_every_rank(comm):
     partition = cell_partition(comm, [0.0, 0.0], [1.0, 1.0], (4, 4))
     with pytest.raises(KeyError, match="no such region"):
         make_box_mesh(comm, [0.0, 0.0], [1.0, 1.0], (4, 4), partition, keep if comm.rank == 1 else None)
-
-
-@pytest.mark.mpi(min_size=2)
-@pytest.mark.parametrize("kind", sorted(DIM))
-def test_every_point_is_found_exactly_once(comm, kind, tmp_path_factory):
-    """Points at random, and all vertices and centres, most of which lie between cells and many between ranks."""
-    mesh = read_mesh(comm, the_file(comm, tmp_path_factory, kind, 3))
-    points, cells = cells_of(kind, 3)
-    dim = DIM[kind]
-    everywhere = np.vstack([LOWER[:dim] + np.random.default_rng(2).random((200, dim)) * (UPPER - LOWER)[:dim], points, points[cells].mean(axis=1)])
-    cell, _ = find_cells(mesh, everywhere)
-    finders = sum(comm.allgather((cell >= 0).astype(int)))
-    assert np.all(finders == 1)
 
 
 @pytest.mark.mpi(min_size=2)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from pdhpc.fem.moduli import PAIRS, checked, isotropic, voigt_of_tensor
+from pdhpc.fem.moduli import checked, isotropic
 
 
 def test_uniaxial_stress_stretches_by_its_modulus():
@@ -22,15 +22,6 @@ def test_shear_has_the_shear_modulus(dimension):
 def test_plane_strain_is_the_plane_of_three_dimensions():
     whole, rows = isotropic(5.0, 0.2, "3d"), [0, 1, 5]
     assert isotropic(5.0, 0.2, "plane_strain") == pytest.approx(whole[np.ix_(rows, rows)])
-
-
-def test_tensors_become_matrices():
-    for dim, dimension in ((2, "plane_strain"), (3, "3d")):
-        delta, lame, shear = np.eye(dim), 1.5, 0.7
-        tensor = lame * np.einsum("ab,cd->abcd", delta, delta) + shear * (np.einsum("ac,bd->abcd", delta, delta) + np.einsum("ad,bc->abcd", delta, delta))
-        nu = lame / (2 * (lame + shear))
-        assert voigt_of_tensor(tensor) == pytest.approx(isotropic(2 * shear * (1 + nu), nu, dimension))
-        assert len(PAIRS[dim]) == len(voigt_of_tensor(tensor))
 
 
 def test_what_has_no_positive_energy_is_refused():
