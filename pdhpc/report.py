@@ -149,7 +149,7 @@ def _print_coupled_check(scene, ranks):
         *(("critical stretch", f"{material}: {text}") for material, text in found.critical_stretch),
         ("scheme, moduli", f"{scene.gfem.scheme}, {scene.moduli}"),
         ("patches at the start", f"{about}{found.patches:,} vertices, {about}{found.active:,} particles move by themselves ({found.active / max(found.particles, 1):.1%})"),
-        ("critical step", f"{found.critical_dt:.6g} s (2 / omega_max of the lumped mesh, by Lanczos; 0.8 of it at most)"),
+        ("critical step", f"{found.critical_dt:.6g} s (2 / omega_max of the lumped mesh, by Lanczos, times sqrt(5 h/H) where H > 5 h; 0.8 of it at most)"),
         ("step", f"{found.dt:.6g} s ({found.dt / found.critical_dt:.3f} of the critical one), {found.sub_steps} sub-steps of the particles"),
         ("sub-step", f"{found.dt / found.sub_steps:.6g} s (critical {found.particle_critical_dt:.6g} s: sqrt(2 rho / |A|), a lower bound)"),
         ("steps", f"{found.steps:,}"),

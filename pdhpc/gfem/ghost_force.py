@@ -5,15 +5,16 @@ from pdhpc.gfem import lanes
 from pdhpc.kernels import blend
 from pdhpc.kernels.lattice import WORD
 from pdhpc.kernels.simd import LANES
+from pdhpc.parallel.comm import largest
 
 
 def ghost_force(local, solution, strain=(1.0, 1.0, 0.0)):
     """Return max_i |(F^alpha + r(d), phi_i)| / (sigma H t) over this rank's vertices, for the displacement of a strain in Voigt's notation, 2D.
 
-    Collective over neighbours.
+    Collective.
 
-    sigma : the largest stress that it causes inside the body. Vertices nearer to the body's surface than two cells are left out: there the forces are those of
-    the surface; broken bonds count as whole. A blend by a step in the place of the ramp gives five to ten times as much.
+    sigma : the largest stress that it causes inside the body. Vertices nearer than two cells to the body's surface or to another material are left out: there
+    the forces are those of the surface, or of the jump of the stress; broken bonds count as whole. A blend by a step in the place of the ramp gives five to ten times as much.
     """
     mesh, blended, domain = solution.mesh, local.blended, local.subdomain
     gradient = np.array([[strain[0], 0.5 * strain[2]], [0.5 * strain[2], strain[1]]])
@@ -34,11 +35,11 @@ def ghost_force(local, solution, strain=(1.0, 1.0, 0.0)):
     solution.displacement[:] = kept
     outside = np.zeros(LANES * len(blended.rows), bool)
     lanes.project_velocity(blended.rows, blended.cell, blended.number, blended.table, blended.alpha, outside, blended.velocity_before, impulse, position,
-                           blended.density, local.volume, mesh.cells, solution.right)
+                           blended.density, local.volume, mesh.cells, np.ones(len(mesh.points), bool), solution.right)
     solution.gather_right()
-    inner = _inner(mesh)[: mesh.n_owned]
-    moduli = solution.material.moduli
-    stress = np.abs(moduli @ np.asarray(strain)).max(initial=0.0)
+    material = solution.material
+    inner = _inner(mesh, np.trace(material.moduli.mean(axis=1), axis1=1, axis2=2)[material.kind[: mesh.n_owned_cells]])[: mesh.n_owned]
+    stress = largest(mesh.comm, float(np.abs(material.moduli @ np.asarray(strain)).max(initial=0.0)))
     scale = stress * mesh.cell_size[0] * local.volume / local.lattice.spacing**2
     found = np.abs(solution.right[: mesh.n_owned][inner]).max(initial=0.0)
     return float(found / scale) if scale > 0.0 else 0.0
@@ -51,15 +52,20 @@ def _whole(arrays):
     return arrays._replace(trigger=np.full_like(arrays.trigger, np.inf), alive=np.repeat(words[:, None], arrays.alive.shape[1], axis=1))
 
 
-def _inner(mesh):
-    """Return (n_vertices,) bool: vertices all of whose cells, and the cells around these, exist. Collective over neighbours."""
-    counts = np.zeros((len(mesh.points), 1))
+def _inner(mesh, stiffness):
+    """Return (n_vertices,) bool: vertices all of whose cells, and the cells around these, exist and are as stiff. Collective over neighbours.
+
+    stiffness : (n_owned_cells,), Pa.
+    """
+    counts = np.zeros((len(mesh.points), 3))  # cells, sum and sum of squares of their stiffness
     owned = mesh.cells[: mesh.n_owned_cells]
-    np.add.at(counts[:, 0], owned.ravel(), 1.0)
+    for column in range(3):
+        np.add.at(counts[:, column], owned.ravel(), np.repeat(stiffness**column, owned.shape[1]))
     shared = mesh.exchange.bind(counts)
     shared.accumulate()
     shared.refresh()
-    surface = counts[:, 0] < 2**mesh.dim
+    number, total, squares = counts.T
+    surface = (number < 2**mesh.dim) | (number * squares - total**2 > 1e-8 * total**2)
     counts[:, 0] = 0.0
     np.add.at(counts[:, 0], owned[surface[owned].any(axis=1)].ravel(), 1.0)
     shared.accumulate()

@@ -66,27 +66,7 @@ def blend_state(rows, inside, alpha, before, position, velocity, of_velocity):
 
 
 @kernel
-def add_nodal(slots, chosen, shape, along, cells, nodal, field):
-    """field[slots] += sum_i N_i nodal[i] at the particles of cells chosen (n,); slots (n, n_points), shape (n_points, corners), nodal (n_vertices, dim).
-
-    `along` particles at a time lie in slots that follow each other, on a line along which the sum is linear.
-    """
-    corners, dim = shape.shape[1], nodal.shape[1]
-    for c in range(len(chosen)):
-        corner = cells[chosen[c]]
-        for d in range(dim):
-            for p in range(0, slots.shape[1], along):
-                first, last = 0.0, 0.0
-                for a in range(corners):
-                    first += shape[p, a] * nodal[corner[a], d]
-                    last += shape[p + along - 1, a] * nodal[corner[a], d]
-                slope, slot = (last - first) / (along - 1), slots[c, p]
-                for i in range(along):
-                    field[slot + i, d] += first + slope * i
-
-
-@kernel
-def project_displacement(rows, lane_cell, number, shape, alpha, inside, before, velocity_before, moment, position, density, dt, volume, cells, result):
+def project_displacement(rows, lane_cell, number, shape, alpha, inside, before, velocity_before, moment, position, density, dt, volume, cells, acting, result):
     """result += sum_p V_p N_i (dt rho v^n + I2 - rho alpha (U - u^n)) inside enriched cells, sum_p V_p N_i I2 outside; density (8 n_rows,), kg/m^3.
 
     2D; shape (n_points, 8), the four functions of a quad and zeros. Lanes of a cell that follow each other are summed up before they are added.
@@ -96,7 +76,7 @@ def project_displacement(rows, lane_cell, number, shape, alpha, inside, before, 
         for lane in range(LANES):
             n = LANES * t + lane
             if lane_cell[n] != last:
-                _flush(cells, last, x, y, scratch, result)
+                _flush(cells, last, x, y, scratch, acting, result)
                 last, x, y = lane_cell[n], splat(0.0), splat(0.0)
             if last < 0:
                 continue
@@ -106,18 +86,18 @@ def project_displacement(rows, lane_cell, number, shape, alpha, inside, before, 
                 fy += density[n] * (dt * velocity_before[t, 1, lane] - alpha[n] * (position[i, 1] - before[t, 1, lane]))
             functions = load8(shape, LANES * np.int64(number[n]))
             x, y = fma(splat(volume * fx), functions, x), fma(splat(volume * fy), functions, y)
-    _flush(cells, last, x, y, scratch, result)
+    _flush(cells, last, x, y, scratch, acting, result)
 
 
 @kernel
-def project_velocity(rows, lane_cell, number, shape, alpha, inside, velocity_before, impulse, velocity, density, volume, cells, result):
+def project_velocity(rows, lane_cell, number, shape, alpha, inside, velocity_before, impulse, velocity, density, volume, cells, acting, result):
     """result += sum_p V_p N_i (rho v^n + I1 - rho alpha V) inside enriched cells, sum_p V_p N_i I1 outside; see project_displacement."""
     scratch, last, x, y = np.zeros(2 * LANES), -1, splat(0.0), splat(0.0)
     for t in range(len(rows)):
         for lane in range(LANES):
             n = LANES * t + lane
             if lane_cell[n] != last:
-                _flush(cells, last, x, y, scratch, result)
+                _flush(cells, last, x, y, scratch, acting, result)
                 last, x, y = lane_cell[n], splat(0.0), splat(0.0)
             if last < 0:
                 continue
@@ -127,35 +107,28 @@ def project_velocity(rows, lane_cell, number, shape, alpha, inside, velocity_bef
                 fy += density[n] * (velocity_before[t, 1, lane] - alpha[n] * velocity[i, 1])
             functions = load8(shape, LANES * np.int64(number[n]))
             x, y = fma(splat(volume * fx), functions, x), fma(splat(volume * fy), functions, y)
-    _flush(cells, last, x, y, scratch, result)
+    _flush(cells, last, x, y, scratch, acting, result)
 
 
 @inlined
-def _flush(cells, cell, x, y, scratch, result):
-    """Add the sums of one cell's corners, in the first lanes of x and y, to result (n_vertices, 2)."""
+def _flush(cells, cell, x, y, scratch, acting, result):
+    """Add the sums of one cell's corners, in the first lanes of x and y, to result (n_vertices, 2); those of corners that do not act go to the ones that do."""
     if cell >= 0:
         store8(scratch, 0, x)
         store8(scratch, LANES, y)
+        left_x, left_y, count = 0.0, 0.0, 0
         for a in range(cells.shape[1]):
-            result[cells[cell, a], 0] += scratch[a]
-            result[cells[cell, a], 1] += scratch[LANES + a]
-
-
-@kernel
-def divide(chosen, right, mass, change):
-    """change = right / mass of the vertices chosen (n,); right, change (n_vertices, dim), mass (n_vertices,)."""
-    for n in range(len(chosen)):
-        inverse = 1.0 / mass[chosen[n]]
-        for d in range(right.shape[1]):
-            change[chosen[n], d] = right[chosen[n], d] * inverse
-
-
-@kernel
-def add_momentum(factor, mass, velocity, right):
-    """right += factor m v of this rank's vertices; mass (n_owned,), velocity, right (n_vertices, dim)."""
-    for n in range(len(mass)):
-        for d in range(right.shape[1]):
-            right[n, d] += factor * mass[n] * velocity[n, d]
+            if acting[cells[cell, a]]:
+                count += 1
+            else:
+                left_x += scratch[a]
+                left_y += scratch[LANES + a]
+        if count:
+            left_x, left_y = left_x / count, left_y / count
+            for a in range(cells.shape[1]):
+                if acting[cells[cell, a]]:
+                    result[cells[cell, a], 0] += scratch[a] + left_x
+                    result[cells[cell, a], 1] += scratch[LANES + a] + left_y
 
 
 @kernel

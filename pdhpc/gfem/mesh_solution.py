@@ -14,7 +14,8 @@ class MeshSolution:
 
     Attributes
     ----------
-    displacement, velocity (n_vertices, dim), m, m/s: the standard part outside the patches; in them, where elements act too, the mean of the particles around.
+    displacement, velocity (n_vertices, dim), m, m/s: the standard part outside the patches; in them, where elements act too, the mean of the particles around, and
+    the coefficients of functions that fade out.
     acceleration, previous_acceleration : of the last step and the one before, m/s^2. outside_mass (n_vertices,), kg: lumped, of cells that are not enriched.
     force (n_vertices, dim), N: of this rank's elements, to be accumulated. loads : [ParticleLoad]. motions : [PrescribedMotion] on vertices.
     """

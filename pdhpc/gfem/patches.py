@@ -52,21 +52,7 @@ class Patches:
         wanted &= self._may_join & ~self.chosen
         self.chosen |= wanted
         self._find_cells()
-        return int(wanted[: mesh.n_owned].sum()) + self.fill_gaps()
-
-    def fill_gaps(self):
-        """Choose vertices all of whose cells are enriched; return how many of this rank's are new. Collective over neighbours.
-
-        They enrich no further cell. Left out, such a vertex (on the body's surface behind a crack, between two branches) would have elements on a mass that is consistent all
-        around, which halves the stable step: a run at 0.75 of the lumped one then grows twofold in each step.
-        """
-        gaps = ~self.touched(~self.enriched) & ~self.chosen
-        gaps[self.mesh.n_owned :] = False
-        found = int(gaps.sum())
-        self._share(gaps, np.logical_or)
-        self.chosen |= gaps
-        self._find_cells()
-        return found
+        return int(wanted[: mesh.n_owned].sum())
 
     def restore(self, chosen):
         """Take J of owned vertices (n_owned,) bool as it was stored. Collective over neighbours."""

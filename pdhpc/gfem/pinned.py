@@ -1,9 +1,15 @@
-"""The production scheme: the coefficient of the enrichment is one, all standard functions are Galerkin, the matrix is constant while the patches are.
+"""The production scheme: the coefficient of the enrichment is one, all standard functions fade out where it fades in, and no system is solved.
 
-    u^h = alpha U + sum_i phi_i a_i,   F^alpha_p = sum_q (alpha_p + alpha_q)/2 f_pq, summed over the sub-steps of the local run: I1 = impulse, I2 = its moment.
+    u^h = alpha U + (1 - alpha) sum_i phi_i a_i,   F^alpha_p = sum_q (alpha_p + alpha_q)/2 f_pq, summed over the sub-steps of the local run: I1 = impulse,
+    I2 = its moment;   M = ((1 - alpha) rho phi_i, phi_j) on the ramp, lumped outside;   D = M lumped by row sums everywhere
 
-    1. M^ c = (dt rho v^n + I2 + dt^2/2 b - rho alpha (U - u^n), phi) + dt^2/2 r(d^n),     u^{n+1} = u^n + alpha (U - u^n) + N c,   d_i += c_i  (i not in J)
-    2. M^ e = (rho v^n + I1 + dt b - rho alpha V, phi) + dt/2 (r(d^n) + r(d^{n+1})),      v^{n+1} = alpha V + N e,                 d'_i = e_i   (i not in J)
+    1. c = dt d' + D^-1 (b1 - dt M d'),   b1 = (dt rho v^n + I2 + dt^2/2 b - rho alpha (U - u^n), phi) + dt^2/2 r(d^n)
+       u^{n+1} = u^n + alpha (U - u^n) + (1 - alpha) N c,   d_i += c_i  (i not in J)
+    2. e = d' + D^-1 (b2 - M d'),         b2 = (rho v^n + I1 + dt b - rho alpha V, phi) + dt/2 (r(d^n) + r(d^{n+1}))
+       v^{n+1} = alpha V + (1 - alpha) N e,   d' = e
+
+D in the place of M conserves momentum, for sum_i D_i e_i is that of (1 - alpha) N e, and damps what N e cannot follow, since D - M is not negative. Solved with
+M, or with functions that do not fade, a crack that stands still gains energy after some hundred steps.
 
 Where alpha is 1 within the reach of bonds, the local run's own identities I1 + dt b = rho (V - v^n) and I2 + dt^2/2 b = rho (U - u^n - dt v^n) make the right
 sides vanish: only the rows of Blended particles are projected.
@@ -20,14 +26,14 @@ class Pinned:
 
     Attributes
     ----------
-    mass : PatchMass. enriched : [(dim,) functions enriched on this rank] of displacements and velocities: all of J. lost : kinetic energy lost in projections.
+    mass : RampMass. enriched : [(dim,) functions enriched on this rank] of displacements and velocities: all of J. lost : kinetic energy lost in projections.
     """
 
     name = "pinned"
     lost = 0.0  # J: nothing is projected where alpha = 1
 
     def __init__(self, solution, local, mass, dt, k):
-        """solution : MeshSolution. local : LocalParticles. mass : PatchMass. dt, s, of k sub-steps."""
+        """solution : MeshSolution. local : LocalParticles. mass : RampMass. dt, s, of k sub-steps."""
         self.solution, self.local, self.mass, self.dt, self.k = solution, local, mass, dt, k
 
     def weight(self, patches):
@@ -37,11 +43,8 @@ class Pinned:
     def follow(self, patches):
         """Take in new patches. Collective."""
         solution, mesh = self.solution, self.solution.mesh
-        self.mass.follow(patches, solution.outside_mass)
+        self.mass.follow(self.local, solution.outside_mass)
         owned = slice(mesh.n_owned)
-        inner = np.zeros(mesh.n_owned, bool)
-        inner[self.mass.inner] = True
-        self._outer = np.flatnonzero(~inner)
         self._standard = ~patches.chosen
         self.enriched = [np.full(mesh.dim, int(patches.chosen[owned].sum()))] * 2
         mixed = patches.touched(patches.enriched & ~patches.whole)
@@ -73,15 +76,16 @@ class Pinned:
         right = solution.right
         np.multiply(solution.force, 0.5 * dt * dt, out=right)
         lanes.project_displacement(blended.rows, blended.cell, blended.number, blended.table, blended.alpha, blended.inside, blended.before,
-                                   blended.velocity_before, blended.moment, position, blended.density, dt, self.local.volume, mesh.cells, right)
+                                   blended.velocity_before, blended.moment, position, blended.density, dt, self.local.volume, mesh.cells, self.mass.acting, right)
+        self.mass.take_out(dt, solution.velocity, right)
         solution.gather_right()
-        self._divide(dt)
+        self.mass.divide(dt, solution.velocity, right, solution.change)
         solution.steer(time, dt)
         solution.refresh_change()
         solution.account(time + dt, dt)
         add_where(self._standard, solution.change, solution.displacement)
         lanes.blend_state(blended.rows, blended.inside, blended.alpha, blended.before, position, self.local.subdomain.particles.velocity, False)
-        self._add_to_points(position)
+        self.mass.add_to_points(solution.change, position)
         self.local.refresh()
         self.settle()
 
@@ -92,26 +96,16 @@ class Pinned:
         np.add(old, solution.force, out=right)
         right *= 0.5 * dt
         lanes.project_velocity(blended.rows, blended.cell, blended.number, blended.table, blended.alpha, blended.inside, blended.velocity_before,
-                               blended.impulse, velocity, blended.density, self.local.volume, mesh.cells, right)
+                               blended.impulse, velocity, blended.density, self.local.volume, mesh.cells, self.mass.acting, right)
+        self.mass.take_out(1.0, solution.velocity, right)
         solution.gather_right()
         solution.account_motions(dt)
-        self._divide(1.0)
+        self.mass.divide(1.0, solution.velocity, right, solution.change)
         solution.settle_motions(time)
         solution.refresh_change()
         lanes.blend_state(blended.rows, blended.inside, blended.alpha, blended.before, self.local.subdomain.particles.position, velocity, True)
-        self._add_to_points(velocity)
-        solution.accept_velocity(self._standard, dt)
-
-    def _divide(self, factor):
-        """Solve M^ change = right + factor m v, m the lumped mass outside."""
-        solution, n = self.solution, self.solution.mesh.n_owned
-        lanes.add_momentum(factor, solution.outside_mass[:n], solution.velocity, solution.right)
-        lanes.divide(self._outer, solution.right, solution.outside_mass, solution.change)
-        self.mass.solve(solution.right, solution.change)
-
-    def _add_to_points(self, field):
-        local, solution = self.local, self.solution
-        lanes.add_nodal(local.cell_slots, local.cells, local.lattice.shape, local.lattice.ratio, solution.mesh.cells, solution.change, field)
+        self.mass.add_to_points(solution.change, velocity)
+        solution.accept_velocity(self.mass.acting, dt)
 
 
 @kernel

@@ -3,8 +3,8 @@ from pdhpc.gfem.enrichment import EnrichedSpace
 from pdhpc.gfem.galerkin import Galerkin
 from pdhpc.gfem.instant import Instant
 from pdhpc.gfem.literal import Literal
-from pdhpc.gfem.patch_mass import PatchMass
 from pdhpc.gfem.pinned import Pinned
+from pdhpc.gfem.ramp_mass import RampMass
 
 _ENRICHED = {scheme.name: scheme for scheme in (Galerkin, Instant, Literal)}
 NAMES = (Pinned.name, *_ENRICHED)
@@ -24,7 +24,7 @@ def make_scheme(name, solution, local, steps, tolerance, refuses=True):
     """
     dt, k = steps
     if name == Pinned.name:
-        return Pinned(solution, local, PatchMass(solution.mesh.comm, solution.mesh, solution.material), dt, k)
+        return Pinned(solution, local, RampMass(solution.mesh), dt, k)
     if name not in _ENRICHED:
         raise ValueError(f'gfem.scheme = "{name}"; allowed is {", ".join(NAMES)}')
     scheme = _ENRICHED[name](solution, local, EnrichedSpace(solution.mesh), dt, k, tolerance)

@@ -15,7 +15,7 @@ from pdhpc.gfem.mesh_solution import MeshSolution
 from pdhpc.gfem.patches import Patches
 from pdhpc.gfem.points import CellLattice
 from pdhpc.gfem.schemes import make_scheme
-from pdhpc.gfem.stable_step import lumped_step
+from pdhpc.gfem.stable_step import coupled_step
 from pdhpc.observers.enrichment import Enrichment, EnrichmentGuard
 from pdhpc.observers.enrichment_output import EnrichmentOutput
 from pdhpc.parallel.comm import largest
@@ -39,7 +39,7 @@ def build_coupled(scene, comm):
 
     Raises
     ------
-    SceneError, on every rank: as build.build; a global step above 0.8 of the lumped mesh's critical one, sub-steps above the particles'.
+    SceneError, on every rank: as build.build; a global step above 0.8 of the critical one, sub-steps above the particles'.
     """
     parts = CoupledParts(scene, comm)
     dt, n_steps, warnings = choose_step(scene, parts.critical_dt, LARGEST_SHARE)
@@ -106,7 +106,7 @@ class CoupledParts:
     Attributes
     ----------
     body : Body. mesh : Mesh. part : Part, particles of the whole body. lattice : CellLattice. material : LatticeMaterial. solution : MeshSolution.
-    patches : Patches. local : LocalParticles. critical_dt : of the lumped mesh, s.
+    patches : Patches. local : LocalParticles. critical_dt, s: of the lumped mesh, less at H/h > 5.
     """
 
     def __init__(self, scene, comm):
@@ -135,7 +135,7 @@ class CoupledParts:
         self._set_initial_state()
         self.solution.follow(self.patches, np.zeros(len(self.mesh.points)))
         self.solution.begin()
-        self.critical_dt = lumped_step(comm, self.solution)
+        self.critical_dt = coupled_step(comm, self.solution, self.lattice.ratio)
 
     def stepper(self, dt, k):
         """Return the CoupledStep of global steps dt, s, with k sub-steps. Collective."""

@@ -37,7 +37,7 @@ class Gfem(Table):
 
     scheme: Literal["pinned", "galerkin", "instant", "literal"] = key(
         "pinned: the enrichment has coefficient 1; galerkin: coefficients are solved for, degrees of freedom chosen; to compare with, instant: the force of "
-        "the step's end in the place of its mean, and literal: stress from the gradients of the enrichment", "", "see README", default="pinned")
+        "the step's end in the place of its mean, and literal: stress from the gradients of the enrichment", "", "the first is the fastest", default="pinned")
     activation: Optional[Fraction] = key(
         "share theta of the critical stretch: a bond beyond it activates the patches of its cell (default 0.6)", "1", "s > theta s0", default=None)
     tolerance: Optional[NotNegative] = key(

@@ -107,7 +107,7 @@ def seen(comm, stepper):
 @pytest.mark.parametrize("scheme", SCHEMES)
 @pytest.mark.parametrize("name", list(SCENES))
 def test_any_number_of_ranks_gives_the_same(comm, name, scheme):
-    """To round-off of CG, which stops at 1e-12 of the right side and whose sums depend on the ranks; the bonds that break are the same."""
+    """To round-off: of galerkin's CG, which stops at 1e-12 of the right side, and of sums at vertices that ranks share; the bonds that break are the same."""
     from mpi4py import MPI
 
     stepper, alone = made(comm, SCENES[name], scheme), made(MPI.COMM_SELF, SCENES[name], scheme)

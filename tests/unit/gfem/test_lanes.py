@@ -76,23 +76,12 @@ def test_states_are_blended_inside(of_velocity):
 CELLS = np.array([[0, 1, 4, 3], [1, 2, 5, 4], [3, 4, 7, 6]], np.int32)
 
 
-def test_nodal_fields_are_added_at_points():
-    """Three particles at a time on a line, along which functions are linear."""
-    field = fields(count=1)[0]
-    random = np.random.default_rng(6)
-    nodal, ends = random.uniform(-1, 1, (8, 2)), random.uniform(size=(2, 2, 4))
-    shape = np.concatenate([[first, 0.5 * (first + last), last] for first, last in ends])
-    slots, cell = np.array([[4, 5, 6, 30, 31, 32], [53, 54, 55, 12, 13, 14]]), np.array([2, 0], np.int32)
-    expected = field.copy()
-    for c in range(2):
-        for p in range(6):
-            expected[slots[c, p]] += shape[p] @ nodal[CELLS[cell[c]]]
-    lanes.add_nodal(slots, cell, shape, 3, CELLS, nodal, field)
-    assert field == pytest.approx(expected, abs=1e-15)
+@pytest.mark.parametrize("idle", ([], [2, 4], [0, 1, 3, 4]), ids=("all act", "two do not", "none of a cell does"))
+def test_right_sides_are_sums_over_lanes(idle):
+    """Formulas 1 and 2 of the pinned scheme, lane by lane; lanes without a cell count nowhere, those outside enriched cells by their sums alone.
 
-
-def test_right_sides_are_sums_over_lanes():
-    """Formulas 1 and 2 of the pinned scheme, lane by lane; lanes without a cell count nowhere, those outside enriched cells by their sums alone."""
+    What a cell has at vertices that do not act is shared by its others.
+    """
     position, velocity, start = fields()
     random = np.random.default_rng(8)
     cell = random.integers(-1, 3, 24).astype(np.int32)
@@ -101,6 +90,8 @@ def test_right_sides_are_sums_over_lanes():
     shape[:, :4] = random.uniform(size=(5, 4))
     sums, speed = random.uniform(-1, 1, (24, 2)), random.uniform(-1, 1, (24, 2))
     dt, volume = 0.3, 0.25
+    acting = np.ones(8, bool)
+    acting[idle] = False
     expected = np.zeros((2, 8, 2))
     for n in range(24):
         if cell[n] < 0:
@@ -109,13 +100,16 @@ def test_right_sides_are_sums_over_lanes():
         if inside[n]:
             first += density[n] * (dt * speed[n] - alpha[n] * (position[LANES_OF[n]] - start[LANES_OF[n]]))
             second += density[n] * (speed[n] - alpha[n] * velocity[LANES_OF[n]])
-        for a in range(4):
-            expected[0, CELLS[cell[n], a]] += volume * shape[number[n], a] * first
-            expected[1, CELLS[cell[n], a]] += volume * shape[number[n], a] * second
+        corners, weights = CELLS[cell[n]], volume * shape[number[n], :4]
+        there = acting[corners]
+        if there.any():
+            weights = weights[there] + weights[~there].sum() / there.sum()
+            for one, density_of in ((0, first), (1, second)):
+                expected[one][corners[there]] += weights[:, None] * density_of
     result = np.full((2, 8, 2), 2.0)
     before, velocity_before, held = of_lanes(start[LANES_OF]), of_lanes(speed), of_lanes(sums)
-    lanes.project_displacement(ROWS, cell, number, shape, alpha, inside, before, velocity_before, held, position, density, dt, volume, CELLS, result[0])
-    lanes.project_velocity(ROWS, cell, number, shape, alpha, inside, velocity_before, held, velocity, density, volume, CELLS, result[1])
+    lanes.project_displacement(ROWS, cell, number, shape, alpha, inside, before, velocity_before, held, position, density, dt, volume, CELLS, acting, result[0])
+    lanes.project_velocity(ROWS, cell, number, shape, alpha, inside, velocity_before, held, velocity, density, volume, CELLS, acting, result[1])
     assert result == pytest.approx(2.0 + expected, abs=1e-14)
 
 

@@ -101,8 +101,9 @@ def test_what_is_swept(coupled_body):
 
 
 def expected_alpha(places):
-    """1 where x < 0, falling over a cell of 4 to 0: J is x <= 0, the vertices around the cells that the crack cuts and those of the surface behind them."""
-    return np.clip(1.0 - places[:, 0] / 4.0, 0.0, 1.0)
+    """1 where x < 0 and |y| < 4, falling over a cell of 4 to 0 (a product where both fall): J are the vertices of cells that the crack cuts."""
+    x, y = places.T
+    return np.clip(1.0 - x / 4.0, 0.0, 1.0) * np.clip(2.0 - np.abs(y) / 4.0, 0.0, 1.0)
 
 
 def test_patches_may_grow_in_any_order(coupled_body):
