@@ -477,7 +477,7 @@ def startup():
 
 def gfem():
     """A pre-cracked plate 2 x 0.8, H/h = 10: elements with particles where it cracks against particles everywhere, in time, while a tenth of it is active."""
-    results = [_worker(["gfem-rank", "4.2", "0.002"], ranks=1) for _ in range(3)]
+    results = [_worker(["gfem-rank", "5.0", "0.002"], ranks=1) for _ in range(3)]
     last = results[-1]
     print(f"gfem: {_spread([each['gain'] for each in results])} times particles everywhere, {last['share']:.1%} of the particles active on average,"
           f" {_spread([100 * each['around'] for each in results])} % of a step not the particles' own")

@@ -2,7 +2,7 @@
 import json
 import time
 
-RATIO, CELL, SUB_STEPS = 10, 0.025, 8  # H/h; H, m; k
+RATIO, CELL, SUB_STEPS = 10, 0.025, 6  # H/h; H, m; k
 SCENE = """
 model = "{model}"
 dimension = "plane_stress"
@@ -98,5 +98,5 @@ def gfem_rank(end, load):
     errors = [float(np.linalg.norm(field - fields[1]) / np.linalg.norm(fields[1])) for field in (fields[0], *fields[2:])]
     spent = {name: value - before[name] for name, value in stepper.seconds.items()}
     around = sum(spent[name] for name in ("choose", "seed", "reconstruct", "solve")) / sum(spent.values())
-    print(json.dumps({"gain": seconds[1] / seconds[0], "share": float(np.mean(shares)), "around": around, "error": errors[0], "half_step": errors[1], "more_load": errors[2],
+    print(json.dumps({"gain": seconds[1] / seconds[0], "share": float(np.mean(shares)), "around": around, "spent": {name: round(value / sum(spent.values()), 3) for name, value in spent.items()}, "error": errors[0], "half_step": errors[1], "more_load": errors[2],
                       "milliseconds": [1e3 * each / (n_steps - 1) for each in seconds], "broken": [each.broken // 2 for each in (stepper, *others)]}))
