@@ -31,7 +31,7 @@ from pdhpc.scene.sections import section
 from pdhpc.scene.steps import choose_step
 
 _ACTIVE = 64  # weight of a cell that a pre-crack crosses, in the partition; others count as 1
-_SUB_STEP_SHARE = 0.57  # of the particles' critical step that a sub-step takes: 4 sub-steps at H/h = 5, 8 at 10, which cracks were verified with
+_SUB_STEP_SHARE = 0.57  # of the particles' critical step that a sub-step takes: 4 sub-steps at H/h = 5, 6 at 10
 
 
 def build_coupled(scene, comm):

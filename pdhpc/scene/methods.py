@@ -43,7 +43,7 @@ class Gfem(Table):
     tolerance: Optional[NotNegative] = key(
         'residual of the enrichment on a patch above which its degrees of freedom are enriched (default 0.02); none with scheme = "pinned"', "1",
         "||eta - P eta|| / ||eta|| > tolerance", default=None)
-    substeps: AutoOrRatio = key('k, steps of the local particles in a global step; "auto": each at most 0.57 of the critical step of particles, so 4 at H/h = 5 and 8 at 10', "1", default="auto")
+    substeps: AutoOrRatio = key('k, steps of the local particles in a global step; "auto": each at most 0.57 of the critical step of particles, so 4 at H/h = 5 and 6 at 10', "1", default="auto")
     everywhere: Flag = key("particles in the whole body from the start", default=False)
 
 
