@@ -29,7 +29,8 @@ class RampMass:
         self.cells, self.slots, self.faded = local.cells[chosen], local.cell_slots[chosen], faded[chosen]
         density = local.density[local.subdomain.particles.block[self.slots]]
         self._shape, self._along = local.lattice.shape, local.lattice.ratio
-        self._mass = np.einsum("np,pa,pb->nab", local.volume * density * self.faded, self._shape, self._shape)
+        products = (self._shape[:, :, None] * self._shape[:, None, :]).reshape(len(self._shape), -1)
+        self._mass = (local.volume * density * self.faded @ products).reshape(-1, *2 * [self._shape.shape[1]])
         lumped = np.zeros((len(mesh.points), 1))
         add_rows(mesh.cells, self.cells, self._mass, np.ones_like(lumped), lumped)
         shared = mesh.exchange.bind(lumped)
