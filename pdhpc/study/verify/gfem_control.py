@@ -1,5 +1,29 @@
-"""A coupling that must fail: a blend without a ramp."""
+"""Couplings that must fail: "pinned" without the standard functions inside the patches, and a blend without a ramp."""
 import numpy as np
+
+from pdhpc.gfem.ramp_mass import RampMass
+
+
+class OuterMass(RampMass):
+    """The mass of the functions of vertices outside J; those of others do not act."""
+
+    def __init__(self, patches):
+        """Local."""
+        super().__init__(patches.mesh)
+        self._patches = patches
+
+    def follow(self, local, outside_mass):
+        """As RampMass. Collective over neighbours."""
+        super().follow(local, outside_mass)
+        self.lumped[self._patches.chosen] = 0.0
+        self.acting = self.lumped > 0.0
+
+
+def make_outer(problem):
+    """Return a CoupledStep of a CoupledProblem by u^h = alpha U + (1 - alpha) sum_{i not in J} phi_i a_i. Collective."""
+    stepper = problem.stepper()
+    stepper.scheme.mass = OuterMass(stepper.patches)
+    return stepper
 
 
 def blend_by_a_step(stepper):
