@@ -35,6 +35,7 @@ class Pinned:
     def __init__(self, solution, local, mass, dt, k):
         """solution : MeshSolution. local : LocalParticles. mass : RampMass. dt, s, of k sub-steps."""
         self.solution, self.local, self.mass, self.dt, self.k = solution, local, mass, dt, k
+        self._old_force = np.zeros_like(solution.force)
 
     def weight(self, patches):
         """Return (n_vertices,), the nodal values of alpha: 1 in J."""
@@ -66,9 +67,9 @@ class Pinned:
         """Find u^{n+1} and v^{n+1} from the local run eta = (U, V). Collective. time : t_n, s."""
         solution, (position, velocity) = self.solution, eta
         self._find_displacement(position, time)
-        old = solution.force.copy()
+        np.copyto(self._old_force, solution.force)
         solution.evaluate(time + self.dt)
-        self._find_velocity(velocity, old, time + self.dt)
+        self._find_velocity(velocity, time + self.dt)
 
     def _find_displacement(self, position, time):
         """Step 1."""
@@ -89,11 +90,11 @@ class Pinned:
         self.local.refresh()
         self.settle()
 
-    def _find_velocity(self, velocity, old, time):
-        """Step 2; old : the forces of elements at the start of the step."""
+    def _find_velocity(self, velocity, time):
+        """Step 2."""
         solution, blended, mesh, dt = self.solution, self.local.blended, self.solution.mesh, self.dt
         right = solution.right
-        np.add(old, solution.force, out=right)
+        np.add(self._old_force, solution.force, out=right)
         right *= 0.5 * dt
         lanes.project_velocity(blended.rows, blended.cell, blended.number, blended.table, blended.alpha, blended.inside, blended.velocity_before,
                                blended.impulse, velocity, blended.density, self.local.volume, mesh.cells, self.mass.acting, right)

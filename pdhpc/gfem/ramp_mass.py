@@ -32,7 +32,7 @@ class RampMass:
         products = (self._shape[:, :, None] * self._shape[:, None, :]).reshape(len(self._shape), -1)
         self._mass = (local.volume * density * self.faded @ products).reshape(-1, *2 * [self._shape.shape[1]])
         lumped = np.zeros((len(mesh.points), 1))
-        add_rows(mesh.cells, self.cells, self._mass, np.ones_like(lumped), lumped)
+        add_rows(mesh.cells, self.cells, self._mass, 1.0, np.ones_like(lumped), lumped)
         shared = mesh.exchange.bind(lumped)
         shared.accumulate()
         shared.refresh()
@@ -46,7 +46,7 @@ class RampMass:
 
     def take_out(self, factor, velocity, right):
         """right -= factor M v of the ramp, consistent; velocity, right (n_vertices, dim). Local: this rank's part, to be accumulated."""
-        add_rows(self.mesh.cells, self.cells, self._mass, -factor * velocity, right)
+        add_rows(self.mesh.cells, self.cells, self._mass, -factor, velocity, right)
 
     def divide(self, factor, velocity, right, change):
         """change = factor v + right / D at owned vertices, 0 where only particles act; right has its part of all ranks. Local."""
@@ -58,8 +58,8 @@ class RampMass:
 
 
 @kernel
-def add_rows(cells, chosen, matrix, nodal, result):
-    """result += matrix[n] nodal at the corners of cells chosen (n,); matrix (n, corners, corners), nodal, result (n_vertices, dim)."""
+def add_rows(cells, chosen, matrix, factor, nodal, result):
+    """result += factor matrix[n] nodal at the corners of cells chosen (n,); matrix (n, corners, corners), nodal, result (n_vertices, dim)."""
     for n in range(len(chosen)):
         corner = cells[chosen[n]]
         for a in range(len(corner)):
@@ -67,7 +67,7 @@ def add_rows(cells, chosen, matrix, nodal, result):
                 total = 0.0
                 for b in range(len(corner)):
                     total += matrix[n, a, b] * nodal[corner[b], d]
-                result[corner[a], d] += total
+                result[corner[a], d] += factor * total
 
 
 @kernel
