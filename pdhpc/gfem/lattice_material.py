@@ -3,14 +3,15 @@
     K_e(alpha) = sum_p V (1 - alpha_p) B_p^T C_p B_p,   C_p = 1/2 sum_q c omega beta V |xi| (e e)(e e),
 
 at the particles of each cell (nodal quadrature). C_p counts the bonds that a particle has at the start of the run, before pre-cracks: within a horizon of an
-edge it is softer, as the particles are. Cells of equal bonds share one K_e.
+edge it is softer, as the particles are. Cells of equal bonds, between equal materials, share one K_e.
 """
 from functools import cached_property
 
 import numpy as np
 
-from pdhpc.jit import kernel, sweep
+from pdhpc.jit import inlined, kernel, sweep
 from pdhpc.kernels.blend import lattice_moduli
+from pdhpc.kernels.family import MIXED, is_alive
 from pdhpc.kernels.simd import fma, load8, splat, store8
 
 _PIECE = 1 << 16  # cells looked at together: bounds the temporary memory
@@ -85,31 +86,42 @@ class LatticeMaterial:
         return self._lattice.shape.shape[1] * self._lattice.mesh.dim
 
     def _keys(self):
-        """Return (n_owned_cells,) uint64 that are equal for cells whose particles have equal blocks and bonds."""
+        """Return (n_owned_cells,) uint64 that are equal for cells whose particles have equal blocks, bonds and blocks at the bonds' other ends."""
         n_cells, arrays = self._lattice.mesh.n_owned_cells, self._subdomain.bonds.arrays
-        factors = np.random.default_rng(20260101).integers(1, 2**63, (len(arrays.alive) + 1, len(self._lattice.template)), dtype=np.uint64) | np.uint64(1)
+        shape = (len(arrays.alive) + 1 + len(arrays.offset), len(self._lattice.template))
+        factors = np.random.default_rng(20260101).integers(1, 2**63, shape, dtype=np.uint64) | np.uint64(1)
         keys = np.zeros(n_cells, np.uint64)
         for first in range(0, n_cells, _PIECE):
             cells = np.arange(first, min(first + _PIECE, n_cells), dtype=np.int32)
-            _mix(self._lattice.slots_of(cells), arrays.alive, self._subdomain.particles.block, factors, keys[first : first + len(cells)])
+            _mix(self._lattice.slots_of(cells), arrays, self._subdomain.particles.block, factors, keys[first : first + len(cells)])
         return keys
 
 
 @kernel
-def _mix(slots, alive, block, factors, keys):
-    """Store a key of each cell: a sum over its particles, whose terms mix block and bond states by a place-dependent factor."""
-    words = len(alive)
+def _mix(slots, bonds, block, factors, keys):
+    """Store a key of each cell: a sum over its particles, whose terms mix by place-dependent factors block, bond states, and other blocks at intact bonds."""
+    words = len(bonds.alive)
     for c in range(len(slots)):
         key = np.uint64(0)
         for p in range(slots.shape[1]):
             i = slots[c, p]
             if i >= 0:
                 for w in range(words):
-                    mixed = (alive[w, i] + np.uint64(0x9E3779B97F4A7C15)) * factors[w, p]
-                    key += (mixed ^ (mixed >> np.uint64(29))) * np.uint64(0xBF58476D1CE4E5B9)
-                mixed = (np.uint64(block[i]) + np.uint64(1)) * factors[words, p]
-                key += (mixed ^ (mixed >> np.uint64(31))) * np.uint64(0x94D049BB133111EB)
+                    key += _scrambled(bonds.alive[w, i], factors[w, p])
+                key += _scrambled(np.uint64(block[i]), factors[words, p])
+                if bonds.kind[i >> 3] == MIXED:
+                    for k in range(len(bonds.offset)):
+                        j = i + bonds.offset[k]
+                        if is_alive(bonds, i, k) and block[j] != block[i]:
+                            key += _scrambled(np.uint64(block[j]), factors[words + 1 + k, p])
         keys[c] = key
+
+
+@inlined
+def _scrambled(value, factor):
+    """Return a uint64 in which every bit depends on those of value."""
+    mixed = (value + np.uint64(0x9E3779B97F4A7C15)) * factor
+    return (mixed ^ (mixed >> np.uint64(29))) * np.uint64(0xBF58476D1CE4E5B9)
 
 
 @kernel

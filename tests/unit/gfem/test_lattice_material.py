@@ -71,6 +71,30 @@ def test_uniform_strain_stores_in_elements_what_it_stores_in_particles(parts):
     assert energy == pytest.approx(expected, rel=1e-11) and expected.max() > 1.2 * expected.min()
 
 
+def test_two_materials_are_seen_across_their_interface():
+    """Cells on either side of it have intact bonds only, as those inside, but of other moduli: C_p from the bonds, by hand, of every particle."""
+    extra = '[mesh]\ncell_size = 4.0\n[[material]]\nname = "hard"\ndensity = 1.0\nyoungs_modulus = 5.0\ncritical_stretch = 0.01\n'
+    extra += '[[body]]\nname = "b"\nmaterial = "hard"\nshape = "box"\nlower = [14.0, -10.0]\nupper = [42.0, 10.0]\n'
+    problem = problem_of('model = "gfem"\n' + plate((28, 20), extra=extra))
+    material, lattice, law = problem.coupled_parts.material, problem.coupled_parts.lattice, problem.coupled_parts.body.law
+    subdomain = problem.coupled_parts.part.subdomain
+    slots = lattice.slots_of(np.arange(len(material.kind), dtype=np.int32))
+    index, block = np.rint(subdomain.places_at(slots.ravel()) - 0.5).astype(int), subdomain.particles.block[slots.ravel()]
+    there = dict(zip(map(tuple, index.tolist()), block.tolist()))
+    expected = np.zeros((len(index), 3, 3))
+    for m in range(-3, 4):
+        for n in range(-3, 4):
+            r = math.hypot(m, n)
+            if 0 < r < 3.5:
+                v = np.array([m * m, n * n, m * n]) / r**2
+                partner = [there.get((i + m, j + n), -1) for i, j in index.tolist()]
+                c = np.array([law.micromodulus[a, b] if b >= 0 else 0.0 for a, b in zip(block, partner)])
+                expected += (0.5 * c * min(1.0, 3.5 - r) * r)[:, None, None] * np.outer(v, v)
+    soft, hard = sorted(set(block))
+    assert law.micromodulus[soft, soft] < law.micromodulus[soft, hard] < law.micromodulus[hard, hard]
+    assert material.moduli[material.kind].reshape(-1, 3, 3) == pytest.approx(expected, abs=1e-12)
+
+
 def test_moduli_inside_are_those_of_the_lattice(parts):
     """C_p of a whole family is one for all, a sum over the square lattice; test_blend.py sums it for one of 3.015 spacings."""
     material = parts.material
