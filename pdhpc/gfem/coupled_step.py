@@ -51,12 +51,17 @@ class CoupledStep:
         self.solve(eta)
 
     def choose_patches(self):
-        """Add the patches of cells that want particles, and with them those of cells that soon will: patches then grow in fewer, larger steps."""
+        """Add the patches of cells that want particles, and with them those of cells that soon will: patches then grow in fewer, larger steps.
+
+        What is looked at are the forces at the start of the particles' run, which are evaluated again when patches are added.
+        """
         with self._timed("choose"):
             self.local.put_collar(self.solution.displacement)
-            if largest(self.comm, int(self._wanting(self._activation).any())):
-                if largest(self.comm, self.patches.add(self._wanting(_SOON * self._activation))):
-                    self.follow()
+        self._start_particles()
+        with self._timed("choose"):
+            grown = largest(self.comm, int(self._wanting(self._activation).any())) and largest(self.comm, self._grow())
+        if grown:
+            self._start_particles()
 
     def seed_particles(self):
         """Start the particles from the global solution, which they hold, and tell the collar how it moves: a extrapolated to the middle of the step."""
@@ -66,7 +71,7 @@ class CoupledStep:
 
     def run_particles(self):
         """Let the particles move for k sub-steps."""
-        self.local.run(self.k, self.dt / self.k, self.time)
+        self.local.run()
 
     def reconstruct(self):
         """Return eta, what the scheme enriches the space with."""
@@ -86,11 +91,21 @@ class CoupledStep:
         self.solution.follow(self.patches, weight)
         self.scheme.follow(self.patches)
         self.local.put_collar(self.solution.displacement)
-        enriched, whole = (cells[: self.solution.mesh.n_owned_cells] for cells in (self.patches.enriched, self.patches.whole))
-        self.local.watch(enriched & ~whole)
+        enriched = self.patches.enriched[: self.solution.mesh.n_owned_cells]
         self._free = np.flatnonzero(~enriched & np.isfinite(self._limits)).astype(np.int32)
         self._free_limits, self._strain = self._limits[self._free], np.empty(len(self._free))
         self.solution.evaluate(self.time)
+
+    def _start_particles(self):
+        self.local.start(self.k, self.dt / self.k, self.time, self._activation)
+
+    def _grow(self):
+        """Add patches; return how many of this rank's vertices are new. Collective."""
+        self.local.look(_SOON * self._activation)
+        new = self.patches.add(self._wanting(_SOON * self._activation))
+        if largest(self.comm, new):
+            self.follow()
+        return new
 
     @property
     def time(self):
@@ -178,7 +193,7 @@ class CoupledStep:
         self.follow()
         for field, values in kept:  # of particles that the mesh has just given its own
             particles.put(field, values)
-        self.local.find_broken()
+        self.local.blended.seen[:] = True  # bonds may have broken in the step before
         self.local.refresh()
         self.scheme.settle()
         solution.evaluate(self.time)

@@ -49,7 +49,7 @@ class Galerkin:
 
     def reconstruct(self):
         """Return (U - u^n, V), (n, dim) each at the points, what displacements and velocities are enriched by. Local."""
-        self.local.add_loads_to_sums(self.k)
+        self.local.add_loads_to_sums()
         self.state.read_run()
         return self.state.increment, self.state.end_velocity
 

@@ -27,7 +27,8 @@ def ghost_force(local, solution, strain=(1.0, 1.0, 0.0)):
     bonds = _whole(domain.bonds.arrays)
     points = domain.points._replace(position=position)
     weights, moment = np.array([1.0, 0.0]), np.zeros_like(impulse)
-    blend.blended_forces(bonds, points, law, particles.third, blended.rows, local.alpha, local.alpha, force, particles.dissipated, weights, impulse, moment)
+    blend.blended_forces(bonds, points, law, particles.third, blended.rows, local.alpha, local.alpha, force, particles.dissipated, weights, impulse, moment,
+                         np.empty_like(blended.seen))
     kept = solution.displacement.copy()
     solution.displacement[:] = mesh.points @ gradient.T
     solution.evaluate_elements()

@@ -23,7 +23,8 @@ class LocalParticles:
     ----------
     subdomain, law, lattice : Subdomain of the whole body, its law, and the CellLattice. density (n_block,). alpha (n_slots,). inside (n_slots,) bool.
     cells (n,) int32, cell_slots (n, ratio^dim) int64 : the enriched owned cells in the order they came, and their particles: bodies hold whole cells.
-    rows : int32, rows swept with whole forces; moving : rows with a particle that moves. blended : Blended. collar : Collar.
+    rows : int32, rows swept with whole forces; moving : rows with a particle that moves. blended : Blended, cells that are watched among them. collar : Collar.
+    watched (n_owned_cells,) bool : enriched cells with vertices that may still join J.
     broken, bond_evaluations : directed bonds of this rank so far. seconds : {"force", "exchange", "wait", "integrate"}.
     """
 
@@ -37,11 +38,13 @@ class LocalParticles:
         self.inside, self._cell, self._number = np.zeros(n_slots, bool), np.zeros(n_slots, np.int32), np.zeros(n_slots, np.uint16)
         self._status, self._swept = np.zeros(n_slots, np.int8), np.zeros(-(-n_slots // LANES), np.uint8)
         self.enriched, self._weight = np.zeros(len(lattice.mesh.cells), bool), np.zeros(len(lattice.mesh.points))
+        self.watched = np.zeros(lattice.mesh.n_owned_cells, bool)
         self.cells, self.cell_slots = np.empty(0, np.int32), np.empty((0, len(lattice.template)), np.int64)
         self._positions, self.acting, self.load_work = None, [], 0.0
         self.broken, self.bond_evaluations, self.particle_steps = 0, 0, 0
         self.seconds = dict.fromkeys(("force", "exchange", "wait", "integrate"), 0.0)
         particles.block[:] = may_not_fail[particles.block]
+        self._trigger = np.empty_like(subdomain.bonds.arrays.trigger)
         self._third, self.volume = particles.third, float(particles.volume[0]) if n_slots else 0.0
 
     def follow(self, patches, weight, displacement, velocity):
@@ -55,9 +58,12 @@ class LocalParticles:
         changed = (weight != self._weight)[mesh.cells].any(axis=1)
         self._take_in(np.flatnonzero(new), displacement, velocity)
         self._set_alpha(np.flatnonzero(changed), weight)
-        self.enriched, self._weight = patches.enriched.copy(), weight.copy()
+        around = patches.around(changed | new)[: mesh.n_owned_cells]
+        watched = (patches.enriched & ~patches.whole)[: mesh.n_owned_cells]
+        around |= watched != self.watched
+        self.enriched, self._weight, self.watched = patches.enriched.copy(), weight.copy(), watched
         ramped = (weight[mesh.cells] > 0.0).any(axis=1)
-        self._look_around(np.flatnonzero(patches.around(changed | new)[: mesh.n_owned_cells]))
+        self._look_around(np.flatnonzero(around))
         self._hold(np.flatnonzero(patches.around(ramped | patches.enriched) & ~patches.enriched))
         self._positions = self._exchange.restricted(self.inside).bind(self.subdomain.particles.position)
         self.load_work = self.external_work().sum()
@@ -107,7 +113,7 @@ class LocalParticles:
         slots, cell, number = self.slots_of(cells)
         status = np.empty(len(slots), np.int8)
         blend.find_blended(arrays, domain.particles.block, slots, self.alpha, status)
-        status[(status == 2) & ~self.inside[slots]] = 1  # in cells that patches surround: all force is theirs, but functions of the mesh move them
+        status[(status == 2) & (~self.inside[slots] | self.watched[cell])] = 1  # not inside: all force is theirs, but functions of the mesh move them
         self._status[slots], self._cell[slots], self._number[slots] = status, cell + 1, number
         mark_rows(slots, self._status, self._inverse_density, self._swept)
         self.rows = rows_with(self._swept, WHOLE, MIXED)
@@ -143,33 +149,39 @@ class LocalParticles:
         interpolate(self.lattice.mesh.cells, collar.cell, collar.number, self.lattice.shape, displacement, collar.displacement)
         self._place_collar(0.0)
 
-    def run(self, k, tau, start):
-        """Do k sub-steps of tau, s, from time `start` of velocity Verlet; blended impulses are summed on the way. Collective over neighbours.
+    def start(self, k, tau, time, share=1.0):
+        """Begin k sub-steps of tau, s, of velocity Verlet: evaluate the forces at `time`, s, and see which watched cells are strained beyond a share of their limit.
 
-        u and v of the particles, positions of ghosts included, are those of the global solution at the start. They are the local run's at the end.
+        u and v of the particles, positions of ghosts and of the collar included, are those of the global solution. Local.
         """
         blended, particles = self.blended, self.subdomain.particles
-        self.tau, self.start = tau, start
+        self.k, self.tau, self.time = k, tau, time
         lanes.remember(blended.rows, particles.position, particles.velocity, blended.before, blended.velocity_before)
         blended.impulse[:] = 0.0
         blended.moment[:] = 0.0
         self._place_collar(0.0)
-        self._forces(0.5 * tau, 0.5 * k * tau**2, start)
+        np.multiply(share, self.subdomain.bonds.arrays.trigger, out=self._trigger)
+        self._forces(0.5 * tau, 0.5 * k * tau**2, time, self.subdomain.bonds.arrays._replace(trigger=self._trigger))
+
+    def run(self):
+        """Do the sub-steps; blended impulses are summed on the way, u and v are those of the local run at the end. Collective over neighbours."""
+        k, tau, particles = self.k, self.tau, self.subdomain.particles
+        self.blended.seen[:] = False
         for j in range(1, k + 1):
             self._drift(0.5 * tau if j == 1 else tau, tau)
             for load in self.acting:
-                load.do_work(particles.velocity, start + j * tau, tau)
+                load.do_work(particles.velocity, self.time + j * tau, tau)
             self._place_collar(j * tau)
             self.refresh()
-            self._forces(0.5 * tau if j == k else tau, (k - j) * tau**2, start + j * tau)
+            self._forces(0.5 * tau if j == k else tau, (k - j) * tau**2, self.time + j * tau, self.subdomain.bonds.arrays)
         self._kick(0.5 * tau)
         self.particle_steps += k * self.n_active
 
-    def add_loads_to_sums(self, k):
-        """Add what loads on blended particles did in the k sub-steps of the last run to their impulses and moments. Local."""
+    def add_loads_to_sums(self):
+        """Add what loads on blended particles did in the sub-steps of the last run to their impulses and moments. Local."""
         for load in self.acting_on_lanes:
             if load.count:
-                load.add_to(self.blended, *sub_step_sums(load.time_function, self.start, self.tau, k))
+                load.add_to(self.blended, *sub_step_sums(load.time_function, self.time, self.tau, self.k))
 
     def refresh(self):
         """Bring the positions of moving ghosts up to date. Collective over neighbours."""
@@ -177,21 +189,24 @@ class LocalParticles:
         self._positions.refresh()
         self.seconds["wait"] += perf_counter() - started
 
-    def _forces(self, weight, moment_weight, time):
+    def _forces(self, weight, moment_weight, time, blended_bonds):
         """Evaluate forces, breaking bonds, and add their blended part, times these weights, to the impulses."""
         started = perf_counter()
         particles = self.subdomain.particles
-        self.broken += self._sweep(self.subdomain.bonds.arrays, self.law, np.array([weight, moment_weight]))
+        self.broken += self._sweep(self.subdomain.bonds.arrays, blended_bonds, self.law, np.array([weight, moment_weight]))
         for load in self.acting:
             load.add_to(particles.force_density, time)
         self.seconds["force"] += perf_counter() - started
 
-    def _sweep(self, bonds, law, weights):
-        """Evaluate forces and add their blended part, times the two weights, to the impulses and moments; return the directed bonds that broke. Local."""
+    def _sweep(self, bonds, blended_bonds, law, weights):
+        """Evaluate forces and add their blended part, times the two weights, to the impulses and moments; return the directed bonds that broke. Local.
+
+        blended_bonds : `bonds` with the trigger of rows to be looked at.
+        """
         domain, particles, blended = self.subdomain, self.subdomain.particles, self.blended
         broken = sweeps.bond_forces(bonds, domain.points, law, None, True, self._third, self.rows, particles.force_density, particles.dissipated)
-        broken += blend.blended_forces(bonds, domain.points, law, self._third, blended.rows, self.alpha, self._inverse_density, particles.force_density,
-                                       particles.dissipated, weights, blended.impulse, blended.moment)
+        broken += blend.blended_forces(blended_bonds, domain.points, law, self._third, blended.rows, self.alpha, self._inverse_density,
+                                       particles.force_density, particles.dissipated, weights, blended.impulse, blended.moment, blended.seen)
         self.bond_evaluations += LANES * (len(self.rows) + len(blended.rows)) * len(bonds.offset)
         return broken
 
@@ -208,7 +223,7 @@ class LocalParticles:
         self.refresh()
         if time is None:
             bonds, law = bonds._replace(trigger=np.full_like(bonds.trigger, np.inf)), law._replace(break_at=np.full_like(law.break_at, np.inf))
-        self.broken += self._sweep(bonds, law, np.array([1.0, 0.0]))
+        self.broken += self._sweep(bonds, bonds, law, np.array([1.0, 0.0]))
         if time is not None:
             for load in self.acting:
                 load.add_to(particles.force_density, time)
@@ -247,36 +262,21 @@ class LocalParticles:
         for load in self.acting:
             load.work[:] = 0.0
 
-    def watch(self, cells):
-        """Look from now on at the particles of these owned cells, (n_owned_cells,) bool, for bonds that stretch or break; none is broken yet. Local."""
-        arrays = self.subdomain.bonds.arrays
-        slots, _, _ = self.slots_of(np.flatnonzero(cells))
-        rows = np.zeros(len(self._swept), bool)
-        rows[slots // LANES] = True
-        self._watched = (np.flatnonzero(rows) * LANES).astype(np.int32)
-        lane = (self._watched[:, None] + np.arange(LANES)).ravel()
-        cell = self._cell[lane] - 1
-        self._watched_cell = np.where((cell >= 0) & (cell < len(cells)) & self.inside[lane], cell, -1)
-        self._watched_cell[~cells[self._watched_cell]] = -1
-        self._found, self._known = np.empty(len(lane), np.int64), np.ascontiguousarray(arrays.alive[:, lane])
-
-    def find_broken(self):
-        """Let watched particles that have broken bonds already, of a state that was put in, count as if these broke now. Local."""
-        lanes_watched = np.flatnonzero(self._watched_cell >= 0)
-        slots, broken = self._watched[lanes_watched // LANES] + lanes_watched % LANES, np.zeros(len(lanes_watched), bool)
-        blend.strained_or_broken(self.subdomain.bonds.arrays, self.subdomain.points, self.law, self._third, slots, np.inf, broken)
-        self._known[:, lanes_watched[broken]] = 0
+    def look(self, share):
+        """Look for bonds of watched cells that are strained beyond a share of their limit, for `wanting` of that share. Local."""
+        blend.strained_rows(self.subdomain.bonds.arrays, self.subdomain.points, self.blended.rows, self._inverse_density, share, self.blended.seen)
 
     def wanting(self, share):
-        """Return (n_owned_cells,) bool: watched cells with a particle that is stretched beyond `share` of its limit, or has a broken bond. Local."""
-        domain, wanted = self.subdomain, np.zeros(self.lattice.mesh.n_owned_cells, bool)
-        if len(self._watched) == 0:
-            return wanted
-        count = blend.strained_rows(domain.bonds.arrays, domain.points, self._watched, share, self._known, self._watched_cell, self._found)
-        if count:
-            found = self._found[:count]
-            slots = self._watched[found // LANES] + found % LANES
-            sure = np.empty(len(slots), bool)
-            blend.strained_or_broken(domain.bonds.arrays, domain.points, self.law, self._third, slots, share, sure)
-            wanted[self._watched_cell[found[sure]]] = True
+        """Return (n_owned_cells,) bool: watched cells with a particle, of those seen, that is stretched beyond `share` of its limit, or has a broken bond.
+
+        Bonds that broke in the last run are seen, and what `start`, of a share not above this one, or `look` found. Local.
+        """
+        domain, blended, wanted = self.subdomain, self.blended, np.zeros(len(self.watched), bool)
+        lane = (LANES * np.flatnonzero(blended.seen)[:, None] + np.arange(LANES)).ravel()
+        cell = blended.cell[lane]
+        lane = lane[(cell >= 0) & self.watched[cell]]
+        sure = np.empty(len(lane), bool)
+        slots = blended.rows[lane // LANES] + lane % LANES
+        blend.strained_or_broken(domain.bonds.arrays, domain.points, self.law, self._third, slots, share, sure)
+        wanted[blended.cell[lane[sure]]] = True
         return wanted

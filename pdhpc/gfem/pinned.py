@@ -60,7 +60,7 @@ class Pinned:
     def reconstruct(self):
         """Take the local run as it is: eta = U - u^n for displacements, V for velocities, both at the particles, with the coefficient 1. Local."""
         local = self.local
-        local.add_loads_to_sums(self.k)
+        local.add_loads_to_sums()
         return local.subdomain.particles.position, local.subdomain.particles.velocity
 
     def solve(self, eta, time):

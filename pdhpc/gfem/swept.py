@@ -18,7 +18,8 @@ class Blended:
     rows (n,) int32, first slots. cell (8 n,) int32, local cell of each lane, -1 where this rank owns no particle; number (8 n,), of the particle in its cell;
     table (ratio^dim, 8), the cell's functions by that number, and zeros; alpha (8 n,); inside (8 n,) bool, in an enriched cell; density (8 n,), kg/m^3;
     impulse, moment (n, dim, 8): tau sum_j w_j F^alpha(U_j), N s/m^3, and tau^2 sum_j (k - j) w_j F^alpha(U_j), N s^2/m^3, w_j = 1/2 at both ends,
-    else 1; before, velocity_before (n, dim, 8): u and v at the start of the step.
+    else 1; before, velocity_before (n, dim, 8): u and v at the start of the step; seen (n,) bool, rows with a bond that broke, or was found strained, since
+    they were last looked at.
     """
 
     rows: np.ndarray
@@ -28,7 +29,7 @@ class Blended:
     def __post_init__(self):
         n = LANES * len(self.rows)
         self.cell, self.number, self.alpha = np.empty(n, np.int32), np.empty(n, np.uint16), np.empty(n)
-        self.inside, self.density = np.empty(n, bool), np.empty(n)
+        self.inside, self.density, self.seen = np.empty(n, bool), np.empty(n), np.zeros(len(self.rows), bool)
         shape = len(self.rows), self.dim, LANES
         self.impulse, self.moment, self.before, self.velocity_before = (np.empty(shape) for _ in range(4))
 

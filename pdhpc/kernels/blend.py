@@ -15,7 +15,7 @@ from pdhpc.materials.law import bond_energy, bond_weight, far_end, moment_weight
 
 
 @sweep
-def blended_forces(bonds, points, law, third, rows, alpha, moving, force_density, dissipated, weights, impulse, moment):
+def blended_forces(bonds, points, law, third, rows, alpha, moving, force_density, dissipated, weights, impulse, moment, seen):
     """Compute F_p of the rows and add their F^alpha_p to two sums; break bonds beyond their limit, as sweeps.bond_forces does. Linear kinematics.
 
     Parameters
@@ -23,6 +23,8 @@ def blended_forces(bonds, points, law, third, rows, alpha, moving, force_density
     bonds : LatticeArrays. points, law, third, rows, force_density, dissipated : as of sweeps.bond_forces. alpha : (n_slots,), 0 to 1.
     moving : (n_slots,), above 0 for particles that move by themselves: only their bonds are watched for breaking.
     weights : (2,): impulse += weights[0] F^alpha, moment += weights[1] F^alpha. impulse, moment : (n_rows, dim, 8), of the eight particles of each row.
+    seen : (n_rows,) bool, set of rows with a bond beyond bonds.trigger that is watched. A trigger below that of the limit makes this a look at strains; what
+    breaks is the same.
 
     Returns
     -------
@@ -31,7 +33,7 @@ def blended_forces(bonds, points, law, third, rows, alpha, moving, force_density
     broken, settled = 0, -1
     t, beyond = _sum_blended(0, settled, bonds, points, law, third, rows, alpha, moving, force_density, weights, impulse, moment)
     while beyond:
-        newly_broken = 0
+        newly_broken, seen[t] = 0, True
         for i in range(rows[t], rows[t] + LANES):
             newly_broken += break_row(bonds, i, points, law, None, True, third, dissipated)
         broken += newly_broken
@@ -106,14 +108,19 @@ def _add(impulse, moment, first, weights, blended):
 
 
 @kernel
-def blended_forces_by_bond(bonds, points, law, third, rows, alpha, moving, force_density, dissipated, weights, impulse, moment):
+def blended_forces_by_bond(bonds, points, law, third, rows, alpha, moving, force_density, dissipated, weights, impulse, moment, seen):
     """As blended_forces, bond by bond: its readable twin, for processors without wide vectors."""
     broken, dim = 0, 2 if third is None else 3
     total = np.zeros(3)
     faded = np.zeros(3)
     for t in range(len(rows)):
+        kind = bonds.kind[rows[t] >> 3]
+        limit = bonds.trigger[len(bonds.weight) - 1 if kind == MIXED else np.int64(kind)]
         for lane in range(LANES):
             i = rows[t] + lane
+            for k in range(len(bonds.offset)):
+                if moving[i] > 0.0 and is_alive(bonds, i, k):
+                    seen[t] |= bond_strain(bonds, points, i, neighbour(bonds, i, k), k, True, third)[1] > limit[k] * inverse_length(bonds, i, k) ** 2
             broken += break_row(bonds, i, points, law, None, True, third, dissipated)
             total[:] = 0.0
             faded[:] = 0.0
@@ -181,33 +188,24 @@ def strained_or_broken(bonds, points, law, third, slots, share, flags):
 
 
 @sweep
-def strained_rows(bonds, points, rows, share, known, watched, found):
-    """Store in found the watched lanes of rows of eight that a look at each bond may find stretched or broken; return how many.
-
-    Lane l of row t is 8 t + l. Stretched: beyond `share` of the smallest critical stretch around; broken: bond states are not those in known
-    (n_words, 8 n_rows) any more. watched (8 n_rows,) is not negative for lanes that count. 2D, linear kinematics.
-    """
-    position, n, count, total = points.position, len(points.position), len(bonds.offset), 0
+def strained_rows(bonds, points, rows, moving, share, seen):
+    """Set seen (n_rows,) of rows of eight with a bond that may be beyond `share` of its limit, or the smallest limit around; moving (n_slots,), as of
+    blended_forces. 2D, linear kinematics."""
+    position, n, count = points.position, len(points.position), len(bonds.offset)
     for t in range(len(rows)):
         i = rows[t]
         kind = bonds.kind[i >> 3]
         row = len(bonds.weight) - 1 if kind == MIXED else np.int64(kind)
-        px, py, beyond = load8(position, i), load8(position, n + i), lane_mask(np.uint8(0))
+        px, py, beyond, watched = load8(position, i), load8(position, n + i), lane_mask(np.uint8(0)), load8(moving, i) > 0.0
+        if not any_of(watched):
+            continue
         for word in range(bonds.alive.shape[0]):
             states = words8(bonds.alive, word * n + i)
             for k in range(WORD * word, min(count, WORD * word + WORD)):
                 j = i + at(bonds.offset, k)
                 along2 = fma(splat(at(bonds.vector, 2 * k)), load8(position, j) - px, at(bonds.vector, 2 * k + 1) * (load8(position, n + j) - py))
                 beyond = either(beyond, both(has_bit(states, k - WORD * word), along2 > share * at(bonds.trigger, row * count + k)))
-        look = any_of(beyond)
-        for lane in range(LANES):
-            changed = False
-            for word in range(bonds.alive.shape[0]):
-                changed = changed or bonds.alive[word, i + lane] != known[word, LANES * t + lane]
-            if (look or changed) and watched[LANES * t + lane] >= 0:
-                found[total] = LANES * t + lane
-                total += 1
-    return total
+        seen[t] |= any_of(both(beyond, watched))
 
 
 @kernel

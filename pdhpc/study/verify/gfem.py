@@ -113,7 +113,8 @@ class _Window:
         collar = self.local.collar
         for order, (held, values) in enumerate(zip((collar.displacement, collar.velocity, collar.acceleration), state)):
             held[:] = values[self._id[collar.slots]] if order <= self.order else 0.0
-        self.local.run(k, tau, 0.0)
+        self.local.start(k, tau, 0.0)
+        self.local.run()
 
     def error(self, u):
         """Return the largest difference of displacements. Local."""

@@ -21,7 +21,8 @@ def test_everywhere_it_is_plain_peridynamics(coupled_body):
         particles.put(particles.displacement, 0.02 * noise(particles.id, 2))
         particles.put(particles.velocity, 0.01 * noise(particles.id, 2, 1))
         particles.place()
-    local.run(3, 0.4, 0.0)
+    local.start(3, 0.4, 0.0)
+    local.run()
     stepper = other.stepper()
     for _ in range(3):
         stepper.advance()
@@ -42,8 +43,9 @@ def test_impulses_are_momenta_where_bonds_reach_alpha_one(coupled_body, shake):
     stepper.follow()
     shake(stepper, 1e-2).seed_particles()
     local, blended = stepper.local, stepper.local.blended
-    local.run(3, 0.4, 0.0)
-    local.add_loads_to_sums(3)
+    local.start(3, 0.4, 0.0)
+    local.run()
+    local.add_loads_to_sums()
     slots = (blended.rows[:, None] + np.arange(8)).ravel()
     i, j = bonds_by_slot(local.subdomain)
     least = local.alpha.copy()
@@ -76,7 +78,8 @@ def test_blended_impulses_move_nothing_as_a_whole(coupled_body, shake):
     local, blended = stepper.local, stepper.local.blended
     stepper.seed_particles()
     v = local.subdomain.particles.velocity.copy()
-    local.run(3, 0.4, 0.0)
+    local.start(3, 0.4, 0.0)
+    local.run()
     rows = (local.rows[:, None] + np.arange(8)).ravel()
     total = blended.impulse.sum(axis=(0, 2)) + (local.subdomain.particles.velocity - v)[rows].sum(axis=0)
     assert np.abs(total).max() < 1e-14 and np.abs(blended.impulse).max() > 1e-4
@@ -152,7 +155,8 @@ def test_the_collar_follows_the_mesh(coupled_body):
     local.put_collar(mesh.points @ gradients[0])
     local.hold_collar(*(mesh.points @ gradient for gradient in gradients[1:]))
     places = local.subdomain.places_at(local.collar.slots)
-    local.run(1, 0.8, 0.0)
+    local.start(1, 0.8, 0.0)
+    local.run()
     u, v, a = (places @ gradient for gradient in gradients)
     assert local.subdomain.particles.position[local.collar.slots] == pytest.approx(u + 0.8 * v + 0.32 * a, abs=1e-15)
     assert not local.subdomain.particles.velocity[local.collar.slots].any()
@@ -168,13 +172,29 @@ def test_a_collar_never_fails_and_others_may(coupled_body):
     particles.position[local.points.slots] = 0.1 * x
     local.put_collar(0.1 * mesh.points)
     local.hold_collar(0.0 * mesh.points, 0.0 * mesh.points)
-    local.run(1, 1e-6, 0.0)
+    local.start(1, 1e-6, 0.0)
+    local.run()
     lost = whole - local.subdomain.bonds.alive()
     inside = local.inside[particles.slots]
     assert np.all(lost[~inside] == 0) and lost[inside].sum() == local.broken > 1000
     i, j = bonds_by_slot(local.subdomain)
     both = np.bincount(i, local.inside[i] & local.inside[j], len(local.inside))[particles.slots]
     assert np.all(local.subdomain.bonds.alive()[inside] <= (np.bincount(i, minlength=len(local.inside))[particles.slots] - both)[inside])
+
+
+@pytest.mark.parametrize("scheme", ("pinned", "galerkin"))
+def test_all_particles_of_watched_cells_are_seen(coupled_body, scheme):
+    """Their rows are blended, though in "galerkin" alpha is 1 as far as bonds reach in most of them: 12 spacings a cell, families of 3.5. Whole ones are not."""
+    grown, at_once = (coupled_body(["mesh.cell_size=12.0"], cells=(72, 48), tip=None, scheme=scheme).stepper() for _ in range(2))
+    for stepper, cells, n_watched in ((grown, [5, 17], 16), (grown, [9], 14), (at_once, [5, 9, 17], 14)):  # cell 9 fills a gap: no cell is enriched by it
+        stepper.patches.add(np.isin(np.arange(24), cells))
+        stepper.follow()
+        local = stepper.local
+        watched = local.slots_of(np.flatnonzero(local.watched))[0]
+        assert len(watched) == 144 * n_watched and np.all(np.isin(watched // 8 * 8, local.blended.rows))
+        whole = local.slots_of(np.array([cells[0]], np.int32))[0]
+        assert scheme == "pinned" or np.isin(whole // 8 * 8, local.rows).any()
+    assert np.array_equal(grown.local.rows, at_once.local.rows) and np.array_equal(grown.local.blended.rows, at_once.local.blended.rows)
 
 
 def test_cells_want_patches_when_their_particles_are_strained(coupled_body):
@@ -184,16 +204,26 @@ def test_cells_want_patches_when_their_particles_are_strained(coupled_body):
     assert np.all(local.original_block(slots) == 0) and np.all(particles.block[slots] != 0), "they may not fail yet"
     stepper.patches.add(np.arange(24) == 9)
     stepper.follow()
-    local.watch(np.isin(np.arange(24), (9, 10)))
+    ring = np.flatnonzero(local.watched).tolist()
+    assert ring == [4, 5, 6, 8, 10, 12, 13, 14] and np.all(particles.block[slots] == 0)
+    inner = lattice.slots_of(np.array([10], np.int32))[0][5]
 
     def wanting(share):
+        local.start(1, 1e-6, 0.0, share)
         return np.flatnonzero(local.wanting(share)).tolist()
 
-    assert np.all(particles.block[slots] == 0) and wanting(0.6) == []
-    particles.position[slots[5], 0] += 0.007  # its neighbours along x are 1 apart
-    assert wanting(0.6) == [9] and wanting(0.8) == []
-    for cell in (10, 5):
-        local.subdomain.bonds.arrays.alive[0, lattice.slots_of(np.array([cell], np.int32))[0, 7]] = 0
-    assert wanting(0.8) == [10], "nobody looks at cell 5"
-    local.watch(np.zeros(24, bool))
     assert wanting(0.6) == []
+    particles.position[inner, 0] += 0.007  # its neighbours along x are 1 apart
+    assert wanting(0.8) == [] and wanting(0.6) == [10]
+    local.run()
+    assert not local.blended.seen.any()
+    local.look(0.6)
+    assert np.flatnonzero(local.wanting(0.6)).tolist() == [10]
+    particles.position[inner, 0] -= 0.007
+    for cell in (10, 9):
+        local.subdomain.bonds.arrays.alive[0, lattice.slots_of(np.array([cell], np.int32))[0, 7]] = 0
+    local.run()
+    assert wanting(0.6) == [], "they broke before the last run, so the cell had its chance"
+    particles.position[inner, 0] += 0.012
+    local.start(1, 1e-6, 0.0)
+    assert local.broken > 0 and np.flatnonzero(local.wanting(np.inf)).tolist() == [10], "bonds that broke are seen, and nobody looks at cell 9, which is whole"

@@ -135,6 +135,7 @@ def test_one_step_solves_the_formulas(coupled_body, shake):
     n = len(mesh.points)
     d, v, force = solution.displacement.copy(), solution.velocity.copy(), solution.force.copy()
     u_before, v_before = particles.position.copy(), particles.velocity.copy()
+    stepper.choose_patches()
     stepper.seed_particles()
     stepper.run_particles()
     eta = stepper.reconstruct()

@@ -63,7 +63,7 @@ def arguments(problem, alpha, rows=None):
     sums = [np.full((len(rows), particles.dim, 8), start) for start in (5.0, -2.0)]
     force = np.full(particles.position.shape[::-1], 99.0).T
     bodies = subdomain.bonds.arrays, subdomain.points, problem.body.law, particles.third
-    return (*bodies, rows, alpha, np.ones(len(alpha)), force, particles.dissipated, WEIGHTS, *sums), force, sums
+    return (*bodies, rows, alpha, np.ones(len(alpha)), force, particles.dissipated, WEIGHTS, *sums, np.zeros(len(rows), bool)), force, sums
 
 
 def by_owned(subdomain, rows, values):
@@ -248,34 +248,41 @@ def test_moduli_of_a_whole_family_of_the_square_lattice():
     assert expected[0, 0] == pytest.approx(3 * expected[0, 1], rel=0.06), "near isotropy"
 
 
-def test_rows_that_may_be_strained(lose_bonds):
-    """Whoever strained_or_broken marks is named, with the others of its row that are watched; broken bonds count once they are not known."""
-    problem, _ = displaced((17, 9), material="critical_stretch = 0.01")
+@pytest.mark.parametrize("how", ("look", blend.blended_forces, blend.blended_forces_by_bond))
+def test_rows_that_may_be_strained(how):
+    """Rows of whoever strained_or_broken marks are seen, by a look or by a sweep of forces with a lower trigger, which breaks nothing."""
+    problem, alpha = displaced((17, 9), material="critical_stretch = 0.01")
     subdomain, particles, x = problem.subdomain, problem.subdomain.particles, problem.subdomain.places()
     u = np.zeros_like(x)
-    u[:, 0] = 0.006 * np.maximum(x[:, 0], 0.0)
+    u[:, 0] = 0.006 * np.maximum(x[:, 0] - 2.0, 0.0)
     particles.put(particles.position, u)
-    rows = np.sort(np.concatenate(subdomain.rows))[1:]
-    lane = (rows[:, None] + np.arange(8)).ravel()
-    known, found = np.ascontiguousarray(subdomain.bonds.arrays.alive[:, lane]), np.empty(len(lane), np.int64)
-    places = np.full(len(particles.position), -np.inf)
-    places[particles.slots] = x[:, 0]
-    watched = np.where(places[lane] > -np.inf, 0, -1).astype(np.int32)
+    call, force, _ = arguments(problem, alpha)
+    bonds, rows, moving, seen = call[0], call[4], call[6], call[-1]
+    moving[:] = 0.0
+    moving[particles.slots] = 1.0
+    kept = {}
 
     def marked(share):
-        count = blend.strained_rows(subdomain.bonds.arrays, subdomain.points, rows, share, known, watched, found)
-        flags = np.zeros(len(lane), bool)
-        flags[found[:count]] = True
-        return flags
+        seen[:] = False
+        if how == "look":
+            blend.strained_rows(bonds, subdomain.points, rows, moving, share, seen)
+        else:
+            assert how(bonds._replace(trigger=share * bonds.trigger), *call[1:]) == 0
+            assert np.array_equal(kept.setdefault("force", force.copy()), force), "whatever is looked for"
+        return seen.copy()
 
-    strained = places[lane] >= -0.5
-    expected = np.repeat(strained.reshape(-1, 8).any(axis=1), 8) & (watched >= 0)
-    assert np.array_equal(marked(0.59), expected) and not marked(0.61).any()
-    row = int(np.flatnonzero(particles.slots == lane[watched >= 0][20])[0])
-    lose_bonds(subdomain, row)
-    assert np.array_equal(np.flatnonzero(marked(0.61)), np.flatnonzero(lane == particles.slots[row]))
-    watched[lane == particles.slots[row]] = -1
-    assert not marked(0.61).any(), "it is not watched"
-    watched[lane == particles.slots[row]] = 0
-    known[:] = subdomain.bonds.arrays.alive[:, lane]
-    assert not marked(0.61).any()
+    strained = np.isin(rows, particles.slots[x[:, 0] >= 1.5] // 8 * 8)
+    assert 0 < strained.sum() < len(rows) and np.array_equal(marked(0.59), strained) and not marked(0.61).any()
+    moving[particles.slots[x[:, 0] >= 1.5]] = 0.0
+    assert np.any(strained & (moving[rows[:, None] + np.arange(8)] > 0.0).any(axis=1)) and not marked(0.59).any(), "bonds of particles that do not move are not watched"
+
+
+@pytest.mark.parametrize("sweep", (blend.blended_forces, blend.blended_forces_by_bond))
+def test_rows_whose_bonds_break_are_seen(sweep):
+    problem, alpha = displaced((17, 9), material="critical_stretch = 0.004")
+    call, _, _ = arguments(problem, alpha)
+    alive, rows, seen = call[0].alive, call[4], call[-1]
+    before = alive.copy()
+    assert sweep(*call) > 100
+    lost = np.flatnonzero((alive != before).any(axis=0))
+    assert np.array_equal(np.unique(lost // 8 * 8), np.sort(rows[seen])) and not seen.all()
