@@ -18,7 +18,7 @@ def dense(stepper):
 
 @pytest.fixture
 def parts(coupled_body):
-    stepper = coupled_body().stepper()
+    stepper = coupled_body(["particles.thickness=0.5"]).stepper()
     return stepper, stepper.scheme.mass, *dense(stepper)
 
 
