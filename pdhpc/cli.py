@@ -72,11 +72,12 @@ def _report_errors(options):
     """Return the exit code of a subcommand; an expected error becomes one sentence on rank 0."""
     from pdhpc.run import RunError
     from pdhpc.output.record import OutputError
+    from pdhpc.parallel.linear_solver import OptionError
     from pdhpc.scene.read import SceneError
 
     try:
         return options.action(options)
-    except SceneError as error:
+    except (SceneError, OptionError) as error:
         return _say(error, EXIT_BAD_INPUT)
     except OutputError as error:
         return _say(error, getattr(error, "exit_code", EXIT_FAILED))

@@ -18,7 +18,7 @@ from pdhpc.observers.progress import Progress
 from pdhpc.output.fields import FieldWriter
 from pdhpc.output.history import History
 from pdhpc.output.record import OutputError, claim_directory, write_json
-from pdhpc.parallel.comm import on_root, world
+from pdhpc.parallel.comm import agree_on_error, on_root, world
 from pdhpc.parallel.linear_solver import SolverError, start_petsc
 from pdhpc.run import RunError, drive
 from pdhpc.scene.body import make_body
@@ -193,15 +193,15 @@ def commit():
 
 
 def _compile_first_on_each_node(comm, scene):
-    """Let one rank of each node compile the kernels into the cache before the others load them. Collective."""
+    """Let one rank of each node compile the kernels into the cache before the others load them; what fails there is raised on every rank. Collective."""
     from mpi4py import MPI
 
     if scene.uses_mesh:
         start_petsc()
     node = comm.Split_type(MPI.COMM_TYPE_SHARED)
-    if node.rank == 0:
-        _compile(scene, MPI.COMM_SELF)
-    node.Barrier()
+    with agree_on_error(comm):
+        if node.rank == 0:
+            _compile(scene, MPI.COMM_SELF)
     node.Free()
 
 

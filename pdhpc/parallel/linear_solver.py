@@ -1,4 +1,5 @@
 """The only KSP: linear systems whose operator is a function or a matrix, solved by PETSc on the ranks that hold them."""
+import re
 from typing import NamedTuple
 
 import numpy as np
@@ -53,6 +54,33 @@ class SolverError(RuntimeError):
     """A linear system that was not solved: one sentence with the reason and the residual."""
 
 
+class OptionError(ValueError):
+    """PETSc options that a solver cannot take: one sentence with the options and PETSc's own word on them."""
+
+
+def _take_options(ksp, prefix, n):
+    """Let PETSc's options of a prefix act on a KSP of n unknowns in all, and set it up, which shows whether they fit its system. Collective over its ranks.
+
+    Raises
+    ------
+    OptionError: there are options of the prefix, and PETSc cannot take them.
+    """
+    from petsc4py import PETSc
+
+    try:
+        ksp.setFromOptions()
+        if n > 0:
+            ksp.setUp()
+    except PETSc.Error as error:
+        options = {f"-{name}": value for name, value in PETSc.Options().getAll().items() if name.startswith(prefix)}
+        if not options:
+            raise
+        word = re.sub(r"^\[\d+\] ", "", str(error).splitlines()[-1]).strip(" .")
+        named = {name: value for name, value in options.items() if value and re.search(rf"(?<!\w){re.escape(value)}(?!\w)", word, re.IGNORECASE)}
+        listed = ", ".join(f"{name} {value or ''}".strip() for name, value in (named or options).items())
+        raise OptionError(f"PETSc does not take {listed}: {word}") from None
+
+
 class LinearSolver:
     """KSP on an operator given as a function, preconditioned by a diagonal; PETSc's options of the given prefix take precedence over the defaults.
 
@@ -64,6 +92,10 @@ class LinearSolver:
 
         prefix : of PETSc options, such as "interface_". defaults : Defaults. apply : function (n_local,) -> (n_local,) or of that size.
         diagonal : n_local entries above 0, the preconditioner.
+
+        Raises
+        ------
+        OptionError: PETSc cannot take an option of the prefix; on all ranks that have unknowns.
         """
         from petsc4py import PETSc
 
@@ -82,7 +114,7 @@ class LinearSolver:
         self._ksp.setTolerances(rtol=defaults.tolerance, atol=1e-300, max_it=defaults.iterations)
         if defaults.kind == "richardson":
             self._ksp.setNormType(PETSc.KSP.NormType.NONE)
-        self._ksp.setFromOptions()
+        _take_options(self._ksp, prefix, self._n)
         self._right, self._x = operator.createVecs()
 
     def solve(self, right):
@@ -131,6 +163,10 @@ class AssembledSolver:
 
         prefix : of PETSc options, such as "gfem_". defaults : Defaults. indptr (n_local + 1,), columns (nnz,) : of this rank's rows, columns in global numbers,
         where each rank's rows are numbered in one run, see first_row.
+
+        Raises
+        ------
+        OptionError: PETSc cannot take an option of the prefix; on all ranks.
         """
         from petsc4py import PETSc
 
@@ -150,7 +186,7 @@ class AssembledSolver:
         self._ksp.setTolerances(rtol=defaults.tolerance, atol=1e-300, max_it=defaults.iterations)
         self._ksp.setComputeSingularValues(True)
         self._ksp.setInitialGuessNonzero(True)
-        self._ksp.setFromOptions()
+        _take_options(self._ksp, prefix, self._n)
         self._right, self._x = self._matrix.createVecs()
         self._product = self._right.duplicate()
 
@@ -225,6 +261,10 @@ class MatrixSolver:
 
         prefix : of PETSc options. defaults : Defaults. rows : Rows. block : unknowns per vertex, which follow each other.
         near_null : (n_local, k) vectors that the matrix nearly takes to 0, such as rigid motions; multigrid ("gamg") needs them for elasticity.
+
+        Raises
+        ------
+        OptionError: PETSc cannot take an option of the prefix; on all ranks.
         """
         from petsc4py import PETSc
 
@@ -244,7 +284,7 @@ class MatrixSolver:
         self._ksp.getPC().setType(defaults.preconditioner)
         self._ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
         self._ksp.setTolerances(rtol=defaults.tolerance, atol=1e-300, max_it=defaults.iterations)
-        self._ksp.setFromOptions()
+        _take_options(self._ksp, prefix, sizes[1])
         self._right, self._x = self._matrix.createVecs()
 
     def solve(self, right, guess=None):

@@ -13,7 +13,7 @@ from pdhpc.mts.interface_operator import Exact, Kick, Polynomial
 from pdhpc.mts.macro_step import MultiTimeStep
 from pdhpc.mts.strip import LinearForces, Strip, critical_step
 from pdhpc.mts.view import JoinedView
-from pdhpc.parallel.comm import largest, part_of, smallest
+from pdhpc.parallel.comm import agree_on_error, largest, part_of, smallest
 from pdhpc.parallel.ghosts import GhostExchange
 from pdhpc.parallel.linear_solver import Defaults, LinearSolver
 from pdhpc.parallel.partition import Nowhere, share_out
@@ -172,7 +172,8 @@ class Regions:
         defaults = Defaults("cg", tolerance) if kind == "exact" else Defaults("richardson", iterations=order + 1)
 
         def make_solver(n_local, apply, diagonal):
-            return LinearSolver(part.comm, "interface_", defaults, n_local, apply, diagonal)
+            with agree_on_error(self.comm):  # options may fit none but the systems of some ranks
+                return LinearSolver(part.comm, "interface_", defaults, n_local, apply, diagonal)
 
         if kind == "exact":
             return Exact(interface, macro_dt, self.m, strip, forces, held, make_solver, horizons)

@@ -18,6 +18,18 @@ ROOT = Path(__file__).resolve().parents[2]
 NOISE = ("-----", "[", "MPI_ABORT", "with errorcode", "NOTE:", "You may or may not", "exactly when", "Primary job", "mpirun detected", "a non-zero", "  Process name", "  Exit code",
          "per user-direction", "the job to be", "thus causing", "Abort(2)")  # what launchers add to an exit code that is not 0
 
+FINE = '''
+[fine]
+shape = "disk"
+center = [0.0, 0.0]
+radius = 3.0
+step_ratio = 4
+interface = "exact"
+[[initial]]
+region = "all"
+velocity_gradient = [[1e-3, 0.0], [0.0, 1e-3]]
+'''
+
 
 def pdhpc(*words, cwd=None):
     return subprocess.run([sys.executable, "-m", "pdhpc", *map(str, words)], cwd=cwd or ROOT, env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True, timeout=300)
@@ -80,8 +92,7 @@ def test_unused_petsc_options_are_named(tmp_path):
 
 
 def test_petsc_options_reach_the_interface(tmp_path):
-    fine = '[fine]\nshape = "disk"\ncenter = [0.0, 0.0]\nradius = 3.0\nstep_ratio = 4\ninterface = "exact"\n[[initial]]\nregion = "all"\nvelocity_gradient = [[1e-3, 0.0], [0.0, 1e-3]]\n'
-    scene, counts = write(tmp_path, plate((24, 16), kinematics="linear", extra=fine)), []
+    scene, counts = write(tmp_path, plate((24, 16), kinematics="linear", extra=FINE)), []
     for tolerance in ("1e-2", "1e-12"):
         out = tmp_path / tolerance
         done = pdhpc("run", scene, "-o", out, "--set", "time.end=20.0", "--set", "output.frames=1", "--", "-interface_ksp_rtol", tolerance, "-gfem_ksp_view")
@@ -91,6 +102,22 @@ def test_petsc_options_reach_the_interface(tmp_path):
         counts.append(record["coupling"]["interface_iterations"])
         assert record["method"] == "mts" and record["coupling"]["step_ratio"] == 4 and record["particles"] == 24 * 16
     assert counts[0] < counts[1]
+
+
+@pytest.mark.parametrize("ranks", [1, 2, 3])
+def test_petsc_options_that_petsc_does_not_take(tmp_path, ranks):
+    """One that no solver knows, one that is no number, and one that fits no function: on 3 ranks one of them has no part in the fine region's system."""
+    coupled = write(tmp_path, plate((24, 16), kinematics="linear", extra=FINE))
+    cases = [
+        (ROOT / "runs" / "plate_with_hole_fe.toml", "-gfem_ksp_type", "nosuch", "Unable to find requested KSP type"),
+        (ROOT / "runs" / "plate_with_hole_fe.toml", "-gfem_ksp_rtol", "abc", "no numeric value"),
+        (coupled, "-interface_pc_type", "lu", "factorization type LU"),
+    ]
+    for scene, option, value, word in cases:
+        words = ["run", str(scene), "-o", "out", "--", option, value]
+        done = launch(ranks, words, tmp_path, timeout=120) if ranks > 1 else pdhpc(*words, cwd=tmp_path)
+        is_one_sentence(done, f"PETSc does not take {option} {value}: ", word)
+        assert not (tmp_path / "out").exists()
 
 
 def test_chart_names(tmp_path):

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from pdhpc.parallel.linear_solver import AssembledSolver, Defaults, LinearSolver, MatrixSolver, Rows, SolverError, first_row, start_petsc
+from pdhpc.parallel.linear_solver import AssembledSolver, Defaults, LinearSolver, MatrixSolver, OptionError, Rows, SolverError, first_row, start_petsc
 
 MATRIX = np.array([[4.0, 1.0, 0.0], [1.0, 3.0, -1.0], [0.0, -1.0, 2.0]])
 
@@ -92,6 +92,46 @@ def test_options_of_the_prefix_take_precedence(comm):
             MatrixSolver(comm, "chosen_", Defaults("cg", 1e-12, 50), rows_of(MATRIX)).solve(np.array([1.0, 2.0, 3.0]))
     finally:
         PETSc.Options().delValue("chosen_ksp_max_it")
+
+
+@pytest.mark.parametrize("option, value, words", [
+    ("ksp_type", "nosuch", "-refused_ksp_type nosuch: Unable to find requested KSP type nosuch"),
+    ("pc_type", "nosuch", "-refused_pc_type nosuch: Unable to find requested PC type nosuch"),
+    ("ksp_rtol", "abc", "-refused_ksp_rtol abc: Input string abc has no numeric value"),
+    ("pc_type", "LU", "-refused_pc_type LU: Unable to find requested PC type LU"),
+    ("ksp_type", None, "-refused_ksp_max_it 7, -refused_ksp_type: Unable to find requested KSP type"),
+])
+def test_options_that_petsc_does_not_take_are_named(comm, option, value, words):
+    """One whose value PETSc's word repeats, or else all of the prefix."""
+    from petsc4py import PETSc
+
+    options = PETSc.Options("refused_")
+    options["ksp_max_it"], options[option] = 7, value
+    makers = (lambda: MatrixSolver(comm, "refused_", Defaults("cg"), rows_of(MATRIX)), lambda: LinearSolver(comm, "refused_", Defaults("cg"), 3, lambda x: x, np.ones(3)),
+              lambda: AssembledSolver(comm, "refused_", Defaults("cg"), np.arange(4), np.arange(3)))
+    try:
+        for make in makers:
+            with pytest.raises(OptionError, match=f"^PETSc does not take {words}$"):
+                make()
+    finally:
+        options.delValue("ksp_max_it")
+        options.delValue(option)
+
+
+def test_options_that_do_not_fit_the_system(comm):
+    from petsc4py import PETSc
+
+    options = PETSc.Options("refused_")
+    options["ksp_max_it"], options["pc_type"] = 7, "lu"
+    try:
+        with pytest.raises(OptionError, match="PETSc does not take -refused_pc_type lu: Could not locate a solver type for factorization type LU"):
+            LinearSolver(comm, "refused_", Defaults("cg"), 3, lambda x: x, np.ones(3))
+        assert len(LinearSolver(comm, "refused_", Defaults("cg"), 0, lambda x: x, np.ones(0)).solve(np.ones(0))) == 0, "a system without unknowns"
+        with pytest.raises(PETSc.Error, match="matrix of type MATIS"):
+            MatrixSolver(comm, "other_", Defaults("cg", preconditioner="bddc"), rows_of(MATRIX))
+    finally:
+        options.delValue("ksp_max_it")
+        options.delValue("pc_type")
 
 
 def test_a_system_without_solution_is_an_error(comm):
