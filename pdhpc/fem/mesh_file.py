@@ -1,16 +1,20 @@
 """A mesh as a file tells it, checked: one kind of cell, its regions, and the named facets on its surface. On one rank."""
 import contextlib
 import io
+import re
+import warnings
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from pdhpc.fem.facets import DIM, FACETS, find_outer_facets
+from pdhpc.fem.facets import DIM, FACETS, UNIT_CORNERS, find_outer_facets
 from pdhpc.jit import kernel
 
 _FACET_KIND = {"triangle": "line", "quad": "line", "tetra": "triangle", "hexahedron": "quad"}
+_N_CORNERS = {"line": 2, **{kind: len(corners) for kind, corners in UNIT_CORNERS.items()}}
 _TAGS = ("gmsh:physical", "medit:ref", "CellEntityIds")  # cell data whose numbers name groups
+_LONGEST = 120  # characters of what meshio says of a file
 _FLAT = 1e-10  # of the product of its edges: below this the determinant of a cell's corner is taken for zero
 
 _CORNERS = {  # a corner and its neighbours along the axes of a right-handed frame
@@ -47,16 +51,16 @@ def read_file(path):
 
     Raises
     ------
-    ValueError: no such file, not readable, no cells or several kinds of them, points that are not finite or not in a plane, flat or folded cells.
+    ValueError: no such file, not readable, no cells or several kinds of them, corners that are missing, points that are not finite or not in a plane, flat or
+    folded cells.
     """
     raw = _read_raw(Path(path))
     try:
         kind = _find_kind(raw)
-        blocks = [(number, np.asarray(block.data)) for number, block in enumerate(raw.cells) if block.type == kind]
+        _check_corners(raw)
+        blocks = [(number, np.asarray(block.data)) for number, block in enumerate(raw.cells) if block.type == kind and len(block.data)]
         cells = np.concatenate([data for _, data in blocks])
         points = np.asarray(raw.points, float)
-        if cells.min() < 0 or cells.max() >= len(points):
-            raise ValueError("has cells with points that it does not hold")
         first, place = _merge_same(cells)
         vertex_id = np.unique(cells)
         number = np.full(len(points), -1, np.int32)
@@ -84,11 +88,25 @@ def _read_raw(path):
 
     said = io.StringIO()
     try:
-        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):  # meshio prints, and may end the interpreter
+        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said), warnings.catch_warnings():  # meshio prints, and may end the interpreter
+            warnings.simplefilter("ignore")
             return meshio.read(path)
     except (Exception, SystemExit) as failure:
-        why = " ".join([str(failure) if not isinstance(failure, SystemExit) else "", *said.getvalue().split()]).strip()
-        raise ValueError(f"the mesh {path} cannot be read: {why or type(failure).__name__}") from failure
+        raise ValueError(f"the mesh {path} cannot be read: {_reason(failure, said.getvalue())}") from failure
+
+
+def _reason(failure, said):
+    """Return why meshio gave a file up, in the place of the words of the libraries that it calls, which speak of arrays and bytes; said : what it printed."""
+    import meshio
+
+    if isinstance(failure, ImportError):
+        return f"that takes the package {failure.name}, which is not installed"
+    if isinstance(failure, OSError) and failure.strerror:
+        return failure.strerror
+    own = " ".join(f"{failure if isinstance(failure, meshio.ReadError) else ''} {said}".split())
+    own = re.sub(r"(Error: Couldn't read file.*|Warning: )", "", own).strip(" .")
+    own = f" (meshio says: {own[:_LONGEST]}{'...' if len(own) > _LONGEST else ''})" if own else ""
+    return f"it is cut short, damaged, or of another kind than its name says{own}"
 
 
 def _find_kind(raw):
@@ -104,6 +122,18 @@ def _find_kind(raw):
     if len(solid) > 1:
         raise ValueError(f"has cells of several kinds, {' and '.join(solid)}; a mesh has cells of one kind")
     return solid[0]
+
+
+def _check_corners(raw):
+    """Raise a ValueError unless the cells and facets have the corners of their kinds, which are points of the mesh."""
+    for block in raw.cells:
+        corners, n = np.asarray(block.data), _N_CORNERS.get(block.type, 1)
+        if len(corners) == 0:
+            continue
+        if corners.shape != (len(corners), n):
+            raise ValueError(f"has cells of kind {block.type} without all of their {n} corners")
+        if not 0 <= corners.min() <= corners.max() < len(raw.points):
+            raise ValueError("has cells with points that it does not hold")
 
 
 def _label_rows(rows):

@@ -95,6 +95,12 @@ def test_two_groups_of_the_same_cells_are_one_mesh(tmp_path):
     assert read_file(path).cells.tolist() == QUADS.tolist()
 
 
+def test_blocks_without_cells_do_not_count(tmp_path, monkeypatch):
+    path = written(tmp_path, SQUARES, [("quad", QUADS)])
+    monkeypatch.setattr(meshio, "read", lambda path: meshio.Mesh(SQUARES, [("line", []), ("quad", []), ("quad", QUADS)]))
+    assert read_file(path).cells.tolist() == QUADS.tolist()
+
+
 WRONG = {
     "no cells": ([("line", [[0, 1]])], "has no cells"),
     "several kinds": ([("quad", [QUADS[0]]), ("triangle", [[1, 2, 5]])], "several kinds, quad and triangle"),
@@ -125,17 +131,44 @@ def test_coordinates_that_make_no_mesh_are_refused(tmp_path):
 
 
 @pytest.mark.parametrize("name, text, message", [
-    ("mesh.msh", "nothing of the kind\n", "cannot be read: "),
-    ("mesh.msh", "", "cannot be read: "),
-    ("mesh.txt", "0 0 0\n", "cannot be read: .*[Cc]ould not deduce"),
-    ("mesh.inp", "*NODE\n1, 0, 0\n*ELEMENT, TYPE=CPE4\n1, 1, 1, 1, 1\n", "cannot be read: .*CPE4"),
-    ("mesh.vtk", "# vtk DataFile Version 3.0\nx\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 3 double\n0 0 0\n", "cannot be read: |no cells"),
+    ("mesh.msh", b"nothing of the kind\n", ""),
+    ("mesh.msh", b"", ""),
+    ("mesh.msh", b"$MeshFormat\n" + 99 * b"\x80", ""),
+    ("mesh.msh", b"$MeshFormat\n4.1 0 8\n$EndMeshFormat\n" + 200 * b"x", r" \(meshio says: .{120}\.\.\.\)"),
+    ("mesh.txt", b"0 0 0\n", r" \(meshio says: [Cc]ould not deduce .*mesh.txt'?\)"),
+    ("mesh.inp", b"*NODE\n1, 0, 0\n*ELEMENT, TYPE=CPE4\n1, 1, 1, 1, 1\n", r" \(meshio says: .*CPE4\)"),
+    ("mesh.vtk", b"# vtk DataFile Version 3.0\nx\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 3 double\n0 0 0\n", ""),
 ])
 def test_a_file_that_is_no_mesh_is_refused(name, text, message, tmp_path, capsys):
-    (tmp_path / name).write_text(text)
-    with pytest.raises(ValueError, match=message):
+    """In one sentence, with meshio's words where it has some, and with none of numpy's."""
+    (tmp_path / name).write_bytes(text)
+    with pytest.raises(ValueError, match=f"^the mesh .*{name} cannot be read: it is cut short, damaged, or of another kind than its name says{message}$"):
         read_file(tmp_path / name)
-    assert capsys.readouterr().out == ""
+    assert capsys.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("version", [2, 4])
+def test_a_file_that_is_cut_short_is_refused(version, tmp_path, recwarn):
+    """Wherever: what is left of gmsh's files is no mesh, has no cells, or some that lack a corner or stand on a wrong point."""
+    text = (HERE / f"quarter_plate_{version}.msh").read_bytes()
+    for length in range(0, len(text.partition(b"$EndElements")[0].rstrip()), 3):
+        (tmp_path / "cut.msh").write_bytes(text[:length])
+        with pytest.raises(ValueError, match=r"cut.msh (has [^\n]*|cannot be read: it is cut short, damaged, or of another kind than its name says( \(meshio says: [^\n]*\))?)$"):
+            read_file(tmp_path / "cut.msh")
+    assert not recwarn.list
+
+
+@pytest.mark.parametrize("failure, message", [
+    (ModuleNotFoundError("No module named 'netCDF4'", name="netCDF4"), "that takes the package netCDF4, which is not installed"),
+    (PermissionError(13, "Permission denied"), "Permission denied"),
+])
+def test_what_a_file_is_not_to_blame_for(failure, message, tmp_path, monkeypatch):
+    def read(path):
+        raise failure
+
+    monkeypatch.setattr(meshio, "read", read)
+    with pytest.raises(ValueError, match=f"mesh.vtk cannot be read: {message}$"):
+        read_file(written(tmp_path, SQUARES, [("quad", QUADS)]))
 
 
 def test_a_file_that_is_not_there_is_refused(tmp_path):
@@ -146,8 +179,8 @@ def test_a_file_that_is_not_there_is_refused(tmp_path):
 
 
 def test_cells_with_points_that_the_file_lacks_are_refused(tmp_path):
-    path = written(tmp_path, SQUARES, [("quad", QUADS)])
     path = tmp_path / "mesh.obj"
     path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 7\n")
-    with pytest.raises(ValueError, match="points that it does not hold"):
-        read_file(path)
+    for wrong in (path, *(written(tmp_path, SQUARES, [("quad", QUADS), ("line", [facet])], f"{facet[0]}.vtk") for facet in ([0, 9], [-1, 0]))):
+        with pytest.raises(ValueError, match="points that it does not hold"):
+            read_file(wrong)
