@@ -6,7 +6,6 @@ from pdhpc.fem.elements import ELEMENTS
 from pdhpc.fem.loads import body_loads, facets_of_set, facets_where, traction_loads, vertices_of
 from pdhpc.scene.body import make_shape
 from pdhpc.scene.conditions import time_function
-from pdhpc.scene.mesh_body import cells_of_group
 from pdhpc.scene.sections import section
 from pdhpc.scene.sentences import nearest
 
@@ -20,8 +19,19 @@ class MeshSets:
     """Regions of a scene on a mesh; every selection is Collective and holds something, or raises a SceneError that names `key`."""
 
     def __init__(self, scene, body, comm):
-        """body : MeshBody."""
+        """body : MeshBody. Collective.
+
+        Raises
+        ------
+        SceneError, on every rank: a region of a group that the mesh does not have.
+        """
         self.scene, self.body, self.mesh, self.comm = scene, body, body.mesh, comm
+        self._of_facets, self._of_cells = (sorted(set().union(*comm.allgather(set(names)))) for names in (self.mesh.sets, self.mesh.regions))
+        known = list(dict.fromkeys(self._of_facets + self._of_cells))
+        for number, region in enumerate(scene.region):
+            if region.shape == "group" and region.group not in known:
+                allowed = f"a group of {scene.mesh.file} ({', '.join(known) or 'it has none'}){nearest(region.group, known)}"
+                raise scene.error(f"{section('region', number, region)}: group", f'"{region.group}"', allowed)
 
     def shares(self, name, key):
         """Return (n_cells,) float, the share of each local cell's volume in a region."""
@@ -29,7 +39,10 @@ class MeshSets:
         if region is None:
             return np.ones(len(self.mesh.cells))
         if region.shape == "group":
-            found = cells_of_group(self.scene, self.comm, self.mesh, region.group, key).astype(float)
+            if region.group not in self._of_cells:
+                allowed = f"a region of cells: {self.scene.mesh.file} has {', '.join(self._of_cells) or 'no groups of them'}"
+                raise self.scene.error(key, f'"{name}", whose group "{region.group}" is one of facets', allowed)
+            found = self._cells(region.group).astype(float)
         else:
             shape, found = make_shape(region), np.empty(len(self.mesh.cells))
             points = _samples(self.mesh.kind)
@@ -47,10 +60,10 @@ class MeshSets:
         if region is None:
             return np.ones(mesh.n_owned, bool)
         if region.shape == "group":
-            if self._is_set(region.group, key):
+            if region.group in self._of_facets:
                 found = vertices_of(mesh, self._set(region.group)[0])
             else:
-                found = self._marked(cells_of_group(self.scene, self.comm, mesh, region.group, key))
+                found = self._marked(self._cells(region.group))
         else:
             shape, inside = make_shape(region), np.empty(mesh.cells.shape, bool)
             for piece, corners in self._pieces():
@@ -76,7 +89,7 @@ class MeshSets:
 
         facets, cell = facets_where(mesh, where)
         if region is not None:
-            keep = self._in_body(region)[cell] if region.shape != "group" else self._in_group(region.group, facets, cell, key)
+            keep = self._in_body(region)[cell] if region.shape != "group" else self._in_group(region.group, facets, cell)
             facets, cell = facets[keep], cell[keep]
         self._hold(len(facets) > 0, name, key, "facet" if face is None else f"facet with the outward normal {face}")
         return facets, cell
@@ -102,21 +115,16 @@ class MeshSets:
             return np.ones(len(self.mesh.cells), bool)
         return self.body.number == [each.name for each in self.scene.body].index(region.body)
 
-    def _in_group(self, group, facets, cell, key):
-        """Return (n,) bool, which facets belong to a group of facets or of cells. Collective."""
-        if not self._is_set(group, key):
-            return cells_of_group(self.scene, self.comm, self.mesh, group, key)[cell]
+    def _in_group(self, group, facets, cell):
+        """Return (n,) bool, which facets belong to a group of facets or of cells."""
+        if group not in self._of_facets:
+            return self._cells(group)[cell]
         mine = {tuple(sorted(each)) for each in self._set(group)[0].tolist()}
         return np.array([tuple(sorted(each)) in mine for each in facets.tolist()], bool)
 
-    def _is_set(self, group, key):
-        """Return whether a group is one of facets; a SceneError when it is none of cells either. Collective."""
-        sets, regions = (sorted(set().union(*self.comm.allgather(set(names)))) for names in (self.mesh.sets, self.mesh.regions))
-        if group not in sets + regions:
-            known = ", ".join(dict.fromkeys(sets + regions)) or "it has none"
-            allowed = f"a region of one of its groups ({known}){nearest(group, sets + regions)}"
-            raise self.scene.error(key, f'"{group}", which is no group of {self.scene.mesh.file}', allowed)
-        return group in sets
+    def _cells(self, group):
+        """Return (n_cells,) bool, the local cells of a group."""
+        return self.mesh.regions.get(group, np.zeros(len(self.mesh.cells), bool))
 
     def _set(self, group):
         if group in self.mesh.sets:

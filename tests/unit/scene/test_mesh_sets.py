@@ -84,6 +84,23 @@ def test_groups_of_a_file(comm, request):
         problem.sets.facets("g", "-x", "k")
 
 
+FORCE = '[[load]]\nname = "push"\ntype = "{type}"\nregion = "g"\nvalue = [0.5, 2.0]\n'
+
+
+@pytest.mark.parametrize("group, load, words", [
+    ("rihgt", '[[probe]]\nname = "p"\nregion = "g"\nquantity = "displacement"\n', "region 'g': group = \"rihgt\"; allowed is a group of fem/quarter_plate_4.msh (bottom, hole, left, right, top, lower half, plate) (did you mean \"right\"?)"),
+    ("rihgt", FORCE.format(type="traction"), "region 'g': group = \"rihgt\"; allowed is a group of"),
+    ("right", FORCE.format(type="force_density"),
+     "load 'push': region = \"g\", whose group \"right\" is one of facets; allowed is a region of cells: fem/quarter_plate_4.msh has lower half, plate"),
+])
+def test_groups_that_the_file_lacks(comm, request, group, load, words):
+    """A misspelt group is the region's error, whoever refers to it; one of the wrong kind that of who does."""
+    text = (FILE + GROUP.format(group=group) + load).format(file="fem/quarter_plate_4.msh")
+    with pytest.raises(SceneError) as caught:
+        build(parse_scene(text, str(request.path.parents[1] / "s.toml")), comm)
+    assert words in str(caught.value), caught.value
+
+
 @pytest.mark.parametrize("extra, words", [
     (BOX.format(name="r", lower=[0.1, 0.1], upper=[0.2, 0.2]) + '[[load]]\nname = "l"\ntype = "velocity"\nregion = "r"\nvalue = [1.0, 0.0]\n', "load 'l': region = \"r\", which selects no vertex"),
     (BOX.format(name="r", lower=[1.0, 1.0], upper=[2.0, 2.0]) + TRACTION.format(region="r", face="+x"), "which selects no facet with the outward normal +x of the mesh"),
