@@ -49,8 +49,8 @@ def _check_materials(scene):
         if material.model != scene.material[0].model:
             first = scene.material[0]
             raise Rule(f"{where}: model", f'"{material.model}"', f'"{first.model}", the model of material \'{first.name}\': all materials of a scene share one')
-        (_check_bond_based if material.model == "pmb" else _check_linear_solid)(scene, where, material, expected)
         mesh_rules.check_material(scene, where, material)
+        (_check_bond_based if material.model == "pmb" else _check_linear_solid)(scene, where, material, expected)
         if material.energy_release_rate is not None and material.critical_stretch is not None:
             raise Rule(f"{where}: critical_stretch", f"{material.critical_stretch} beside energy_release_rate", "one of the two, not both")
     names = [material.name for material in scene.material]
