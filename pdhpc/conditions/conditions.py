@@ -1,57 +1,54 @@
-"""All loads and prescribed motions of one subdomain, applied in the order of the scene."""
+"""All loads and prescribed motions of one rank's particles, or of what else moves under forces, applied in the order of the scene."""
 import numpy as np
 
 
 class Conditions:
-    """Loads (BodyForce) and motions (PrescribedMotion) acting on one rank's particles, with the work they did."""
+    """Loads (BodyForce) and motions (PrescribedMotion), with the work they did.
 
-    def __init__(self, particles, density, loads=(), motions=()):
-        """density : (n_block,), kg/m^3."""
-        self.particles, self.loads, self.motions = particles, list(loads), list(motions)
-        self._half_density = [0.5 * density[particles.block[motion.indices]] for motion in self.motions]
+    Subclasses have forces() -> (n_slots, dim), what loads are added to, and volumes(indices) -> (n,) or a number, what takes accounts of work at slots to J.
+    """
+
+    def __init__(self, fields, half_inertia, loads, motions):
+        """fields : has displacement and velocity (n_slots, dim). half_inertia : (n,) of each motion, rho/2 or m/2, as forces are per volume or not."""
+        self._fields, self._half_inertia, self.loads, self.motions = fields, half_inertia, list(loads), list(motions)
 
     def add_loads(self, t):
-        """Add every load at time t to the force density."""
+        """Add every load at time t to the forces."""
         for load in self.loads:
-            load.add_to(self.particles.force_density, t)
+            load.add_to(self.forces(), t)
 
     def steer(self, t, dt):
         """Give prescribed components the half-step velocity that takes them to where they must be at t."""
         for motion in self.motions:
-            motion.steer(self.particles.displacement, self.particles.velocity, t, dt)
+            motion.steer(self._fields.displacement, self._fields.velocity, t, dt)
 
     def settle(self, t):
         """Give prescribed components their velocity at the full step t."""
         for motion in self.motions:
-            motion.settle(self.particles.velocity, t)
+            motion.settle(self._fields.velocity, t)
 
     def begin(self):
         """Take the present kinetic energy of prescribed components as that of the start."""
-        for motion, half_density in zip(self.motions, self._half_density):
-            motion.initial_kinetic = motion.kinetic(self.particles.velocity, half_density)
+        for motion, half in zip(self.motions, self._half_inertia):
+            motion.initial_kinetic = motion.kinetic(self._fields.velocity, half)
 
     def work_of_old_forces(self, dt):
         """Account for the work of the forces at the step's start; the velocity is that of the half step."""
         for motion in self.motions:
-            motion.do_work(self.particles.force_density, self.particles.velocity, dt)
+            motion.do_work(self.forces(), self._fields.velocity, dt)
 
     def work_of_new_forces(self, t, dt):
         """Account for the work of the forces at the step's end (at time t), and of the loads over the whole step."""
-        particles = self.particles
         for load in self.loads:
-            load.do_work(particles.velocity, t, dt)
-        for motion in self.motions:
-            motion.do_work(particles.force_density, particles.velocity, dt)
+            load.do_work(self._fields.velocity, t, dt)
+        self.work_of_old_forces(dt)
 
     def external_work(self):
-        """Return (n,) work done so far on loaded and moved particles, J: its sum is the external work."""
-        volume, velocity = self.particles.volume, self.particles.velocity
-        if self.particles.mass_share is not None:  # loads, like masses, are shared between the copies of a particle
-            volume = volume * self.particles.mass_share
-        parts = [load.work * volume[load.indices] for load in self.loads]
-        for motion, half_density in zip(self.motions, self._half_density):
-            gained = motion.kinetic(velocity, half_density) - motion.initial_kinetic
-            parts.append((motion.work + gained) * volume[motion.indices])
+        """Return (n,) work done so far at loaded and moved slots, J: its sum is the external work."""
+        parts = [load.work * self.volumes(load.indices) for load in self.loads]
+        for motion, half in zip(self.motions, self._half_inertia):
+            gained = motion.kinetic(self._fields.velocity, half) - motion.initial_kinetic
+            parts.append((motion.work + gained) * self.volumes(motion.indices))
         return np.concatenate(parts) if parts else np.empty(0)
 
     def state(self):
@@ -62,3 +59,21 @@ class Conditions:
         for number, motion in enumerate(self.motions):
             accounts[f"initial_kinetic/{number}"] = (lambda m=motion: m.initial_kinetic, lambda value, m=motion: np.copyto(m.initial_kinetic, value))
         return accounts
+
+
+class ParticleConditions(Conditions):
+    """Conditions on one rank's particles, by slots of owned ones: forces are force densities, N/m^3."""
+
+    def __init__(self, particles, density, loads=(), motions=()):
+        """density : (n_block,), kg/m^3."""
+        super().__init__(particles, [0.5 * density[particles.block[motion.indices]] for motion in motions], loads, motions)
+        self.particles = particles
+
+    def forces(self):
+        """Return (n_slots, dim) force densities, N/m^3."""
+        return self.particles.force_density
+
+    def volumes(self, indices):
+        """Return (n,) volumes, m^3; loads, like masses, are shared between the copies of a particle."""
+        volume, share = self.particles.volume[indices], self.particles.mass_share
+        return volume if share is None else volume * share[indices]

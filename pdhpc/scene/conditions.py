@@ -2,7 +2,7 @@
 import numpy as np
 
 from pdhpc.conditions import time_functions
-from pdhpc.conditions.conditions import Conditions
+from pdhpc.conditions.conditions import ParticleConditions
 from pdhpc.conditions.loads import BodyForce, PrescribedMotion
 from pdhpc.kernels.bond_states import count_face
 from pdhpc.scene.body import select
@@ -31,7 +31,7 @@ def _inside(scene, body, subdomain, name):
 
 
 def make_conditions(scene, body, parts, comm):
-    """Return [Conditions] of this rank's parts; loads act on both copies of a shared particle alike. Collective."""
+    """Return [ParticleConditions] of this rank's parts; loads act on both copies of a shared particle alike. Collective."""
     loads, motions = [[] for _ in parts], [[] for _ in parts]
     held = [np.zeros((part.subdomain.particles.n_owned, scene.dim), dtype=bool) for part in parts]
     for number, load in enumerate(scene.load):
@@ -51,7 +51,7 @@ def make_conditions(scene, body, parts, comm):
             densities = force_densities(scene, body, load, parts, selected, comm)
             for density, each, own, chosen in zip(densities, members, slots, loads):
                 chosen.append(BodyForce(own, density[each], function))
-    return [Conditions(part.subdomain.particles, body.law.density, *each) for part, each in zip(parts, zip(loads, motions))]
+    return [ParticleConditions(part.subdomain.particles, body.law.density, *each) for part, each in zip(parts, zip(loads, motions))]
 
 
 def force_densities(scene, body, load, parts, selected, comm):

@@ -1,7 +1,11 @@
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from pdhpc.conditions.conditions import Conditions
+from pdhpc.conditions.conditions import ParticleConditions
+from pdhpc.conditions.loads import BodyForce, PrescribedMotion
+from pdhpc.conditions.time_functions import Constant
 from pdhpc.study.verify.case import plate, problem_of
 from pdhpc.warm_up import PATHS
 
@@ -52,6 +56,22 @@ def test_state_holds_the_accounts():
         assert np.array_equal(get(), saved[key])
 
 
+def test_work_is_that_of_each_particles_volume_or_of_its_copys_share():
+    """A load on two particles of 2 and 3 m^3, of which a second copy holds a quarter and none; a motion of the first."""
+    particles = SimpleNamespace(block=np.zeros(2, int), volume=np.array([2.0, 3.0]), mass_share=None, displacement=np.zeros((2, 2)), velocity=np.ones((2, 2)),
+                                force_density=np.zeros((2, 2)))
+    load, motion = BodyForce([0, 1], [[5.0, 0.0]] * 2, Constant()), PrescribedMotion([0], [1], [1.0], Constant(), "velocity")
+    conditions = ParticleConditions(particles, np.array([4.0]), [load], [motion])
+    conditions.add_loads(0.0)
+    particles.force_density[0, 1] = -7.0
+    conditions.work_of_old_forces(0.1)
+    conditions.work_of_new_forces(0.1, 0.1)
+    work = np.array([5.0 * 0.1 * 2.0, 5.0 * 0.1 * 3.0, (7.0 * 0.1 + 0.5 * 4.0) * 2.0])  # (power) (dt) (volume), and kinetic energy since it began at 0
+    assert np.allclose(conditions.external_work(), work)
+    particles.mass_share = np.array([0.75, 1.0])
+    assert np.allclose(conditions.external_work(), work * [0.75, 1.0, 0.75])
+
+
 def test_nothing_acts_without_conditions():
     problem = problem_of(plate((4, 4)))
-    assert Conditions(problem.subdomain.particles, problem.body.law.density).external_work().size == 0
+    assert ParticleConditions(problem.subdomain.particles, problem.body.law.density).external_work().size == 0
