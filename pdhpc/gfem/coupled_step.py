@@ -30,6 +30,7 @@ class CoupledStep:
         """activation : the share theta of the critical stretch at which a patch is chosen. Collective."""
         self.comm, self.patches, self.local, self.solution, self.scheme = comm, patches, local, solution, scheme
         self.dt, self.k, self.step, self._activation = scheme.dt, scheme.k, 0, activation
+        self._hopeless, self._never_whole = None, patches.never_whole()[: solution.mesh.n_owned_cells]
         self._stages = dict.fromkeys(("choose", "seed", "reconstruct", "solve"), 0.0)
         self.view, self._limits = CoupledView(self), self._strain_limits()
 
@@ -101,11 +102,23 @@ class CoupledStep:
 
     def _grow(self):
         """Add patches; return how many of this rank's vertices are new. Collective."""
+        self._look_for_the_hopeless()
         self.local.look(_SOON * self._activation)
         new = self.patches.add(self._wanting(_SOON * self._activation))
         if largest(self.comm, new):
             self.follow()
         return new
+
+    def _look_for_the_hopeless(self):
+        """Note where the body fails in cells that cannot be enriched: bonds broke on the ramp in them, or elements are strained beyond the limit. Local."""
+        failing = self.local.wanting(np.inf)
+        failing[self._free] |= self._strain > self._free_limits
+        failing &= self._never_whole
+        if failing.any() and self._hopeless is None:
+            mesh = self.solution.mesh
+            place = ", ".join(f"{x:.4g}" for x in mesh.points[mesh.cells[np.flatnonzero(failing)[0]]].mean(axis=0))
+            self._hopeless = (f"the material failed near ({place}) m at t = {self.time:.6g} s, within two cells of where motion is prescribed, which particles"
+                              " cannot follow: hold the body farther from there, let what is near never fail (damage.no_fail), or take model = \"particles\"")
 
     @property
     def time(self):
@@ -157,8 +170,8 @@ class CoupledStep:
 
     @property
     def failure(self):
-        """None, or what a solver that did not converge has to say."""
-        return self.scheme.mass.failure
+        """None, or why the run cannot go on: a solver that did not converge, or material that fails where no patch can be."""
+        return self.scheme.mass.failure or self._hopeless
 
     def ledger(self):
         """Return {name: (n,) J} of this rank's contributions to the energies. Local.

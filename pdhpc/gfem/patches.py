@@ -12,7 +12,7 @@ class Patches:
     Attributes
     ----------
     chosen : (n_vertices,) bool, the vertices of J. enriched : (n_cells,) bool, cells with a vertex in J: Omega_J. whole : cells with all of theirs in J.
-    barred : (n_cells,) bool, cells whose vertices never join J. refused : number of this rank's cells that wanted to join and are barred.
+    barred : (n_cells,) bool, cells whose vertices never join J. refused : the most of this rank's vertices that were wanted at once and may not join.
     """
 
     def __init__(self, mesh, barred):
@@ -48,11 +48,15 @@ class Patches:
         wanted = np.zeros(len(mesh.points), bool)
         wanted[mesh.cells[: mesh.n_owned_cells][cells]] = True
         self._share(wanted, np.logical_or)
-        self.refused = int((wanted & ~self._may_join)[: mesh.n_owned].sum())
+        self.refused = max(self.refused, int((wanted & ~self._may_join)[: mesh.n_owned].sum()))
         wanted &= self._may_join & ~self.chosen
         self.chosen |= wanted
         self._find_cells()
         return int(wanted[: mesh.n_owned].sum())
+
+    def never_whole(self):
+        """Return (n_cells,) bool, cells with a vertex that never joins J: particles in them share their bonds with elements, which do not break. Local."""
+        return ~self._may_join[self.mesh.cells].all(axis=1)
 
     def restore(self, chosen):
         """Take J of owned vertices (n_owned,) bool as it was stored. Collective over neighbours."""

@@ -61,6 +61,16 @@ class CoupledView(View):
             load.whole().add_to(total, self._stepper.time)
         return particles.owned(total)
 
+    def support_forces(self, vertices):
+        """Return (n, dim), N: what holds `vertices` (n,), owned ones of prescribed motion, against elements and loads, without their inertia.
+
+        Collective over neighbours.
+        """
+        solution = self._solution
+        solution.right[:] = solution.force
+        solution.gather_right()
+        return -solution.right[vertices]
+
     def first_not_finite(self):
         """Return (id, place) of a particle that moves by itself, or (id, place) of a vertex, whose displacement is NaN or infinite, None without any. Local."""
         local, solution, particles = self._local, self._solution, self._local.subdomain.particles

@@ -18,7 +18,7 @@ class Enrichment:
 
     def __init__(self, comm, stepper):
         """Collective."""
-        self.comm, self.latest = comm, {}
+        self.comm, self.latest, self._refused = comm, {}, 0
         self._total = comm.allreduce(stepper.view.n)
         self.columns = ("active_share", "enriched_x", "enriched_y", "energy_elements [J]", "energy_particles [J]", "mass_iterations", "mass_condition",
                         "projection_loss [J]", "ghost_force", "patches")
@@ -42,6 +42,7 @@ class Enrichment:
             "ghost_force": stepper.ghost_force(),
             "patches": int(comm.allreduce(int(stepper.patches.chosen[: solution.mesh.n_owned].sum()))),
         }
+        self._refused = comm.allreduce(stepper.patches.refused)
         return list(self.latest.values())
 
     def summary(self):
@@ -50,7 +51,9 @@ class Enrichment:
 
     def warnings(self):
         """Return what the user should know."""
-        return []
+        if not self._refused:
+            return []
+        return [f"beside regions of prescribed motion {self._refused} vertices were wanted for patches and cannot have them: cells that touch such regions stay elements"]
 
 
 class EnrichmentGuard(Observer):
@@ -79,8 +82,8 @@ class EnrichmentGuard(Observer):
         expected = self._initial + work
         self._scale = max(self._scale, abs(expected), self._initial)
         if not stored <= expected + (_LARGEST_ENERGY - 1.0) * self._scale and self._scale > 0.0:
-            raise RunError(f"the energy is {stored:.4g} J at step {stepper.step}, t = {stepper.time:.6g} s, where {expected:.4g} J were put in:"
-                           " leave time.dt at \"auto\", or put more particles in a cell")
+            raise RunError(f"the energy is {stored:.4g} J at step {stepper.step}, t = {stepper.time:.6g} s, where {expected:.4g} J were put in: the coupling is"
+                           " unstable here, or prescribed motion jumps; take time.dt = \"auto\" if it is a number, more particles in a cell, or gfem.everywhere")
 
     def finish(self, stepper):
         """Check the final state. Collective."""

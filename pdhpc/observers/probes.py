@@ -23,16 +23,19 @@ class Probe:
     f is the total force density (bonds and loads), so R is the force that the support of a held region exerts on the body, apart from the region's inertia.
     """
 
-    def __init__(self, comm, name, quantity, members, dim):
-        """members (n,) int, of the stepper's view, on this rank. Collective."""
-        self.comm, self.quantity, self.members, self.dim = comm, quantity, members, dim
+    def __init__(self, comm, name, quantity, members, dim, supports=None):
+        """members (n,) int, of the stepper's view, on this rank. supports : None, or (m,) vertices that are held, whose forces make a reaction. Collective."""
+        self.comm, self.quantity, self.members, self.dim, self.supports = comm, quantity, members, dim, supports
         self.count = comm.allreduce(len(members))
         self.columns = tuple(f"{name}.{component} [{UNITS[quantity]}]" for component in components(quantity, dim))
 
     def read(self, stepper):
         """Return the values of the columns. Collective."""
         if self.quantity == "reaction":
-            values = -stepper.view.field("force_density")[self.members] * stepper.view.volume[self.members, None]
+            if self.supports is None:
+                values = -stepper.view.field("force_density")[self.members] * stepper.view.volume[self.members, None]
+            else:
+                values = stepper.view.support_forces(self.supports)
             return [exact_sum(self.comm, values[:, axis]) for axis in range(self.dim)]
         values = self._components(stepper.view.field(self.quantity)[self.members])
         return [exact_sum(self.comm, column) / self.count for column in values]

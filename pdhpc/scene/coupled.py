@@ -86,6 +86,11 @@ class CoupledProblem(Problem):
         """Return the gauge of the enrichment. Collective."""
         return Enrichment(comm, stepper)
 
+    def supports(self, comm, name):
+        """Return (n,) owned vertices of prescribed motion in a region, None where it holds none on any rank. Collective."""
+        held = self.coupled_parts.held(name)
+        return held if comm.allreduce(len(held)) else None
+
     def guards(self, stepper, comm, steps):
         """Return the observers that stop a run whose coupling fails. Local."""
         return [EnrichmentGuard(comm, steps)]
@@ -143,9 +148,24 @@ class CoupledParts:
         tolerance = TOLERANCE if setting.tolerance is None else setting.tolerance
         scheme = make_scheme(setting.scheme, self.solution, self.local, (dt, k), tolerance, not self.scene.time.allow_unstable)
         stepper = CoupledStep(self.comm, self.patches, self.local, self.solution, scheme, ACTIVATION if setting.activation is None else setting.activation)
-        self.patches.add(np.ones(mesh.n_owned_cells, bool) if setting.everywhere else self._cracked())
+        self.patches.add(self._cracked())
+        self._check_cracks()
+        if setting.everywhere:
+            self.patches.add(np.ones(mesh.n_owned_cells, bool))
+        self.patches.refused = 0
         stepper.follow()
         return stepper
+
+    def _check_cracks(self):
+        """Raise a SceneError for pre-cracks that cut bonds in cells which particles cannot have to themselves. Collective."""
+        mesh = self.mesh
+        lost = np.flatnonzero(self._cracked() & ~self.patches.whole[: mesh.n_owned_cells])
+        places = self.comm.allgather([tuple(float(x) for x in mesh.points[mesh.cells[cell]].mean(axis=0)) for cell in lost[:1]])
+        count = self.comm.allreduce(len(lost))
+        if count:
+            place = ", ".join(f"{x:.4g}" for x in min(each for found in places for each in found))
+            raise self.scene.error("crack", f"pre-cracks that cut bonds in {count} cells, one around ({place}) m, within two cells of where motion is prescribed",
+                                   'cracks farther from such regions, whose surroundings stay elements, tractions in their place, or model = "particles"')
 
     def _cracked(self):
         """Return (n_owned_cells,) bool, cells with a particle that has lost a bond to a pre-crack."""
@@ -202,6 +222,19 @@ class CoupledParts:
 
     def _vertices(self, name, key):
         """Return (n_vertices,) bool, the vertices in a region, which holds at least one. Collective."""
+        inside = self._inside(name)
+        if not largest(self.comm, int(inside[: self.mesh.n_owned].any())):
+            allowed = "a region that holds one: vertices lie on the edges of the body, and cell_size apart"
+            raise self.scene.error(key, f'"{name}", which holds no vertex of the mesh', allowed)
+        return inside
+
+    def held(self, name):
+        """Return (n,) owned vertices in a region of which a component is prescribed. Local."""
+        inside = self._inside(name)[: self.mesh.n_owned]
+        return np.flatnonzero(inside & np.isin(np.arange(self.mesh.n_owned), np.concatenate([[], *(motion.indices for motion in self.solution.motions)])))
+
+    def _inside(self, name):
+        """Return (n_vertices,) bool, the vertices in a region. Local."""
         points = self.mesh.points
         if name == "all":
             return np.ones(len(points), bool)
@@ -210,9 +243,6 @@ class CoupledParts:
         if region.body is not None:
             number = [each.name for each in self.scene.body].index(region.body)
             inside &= self.body.lattices[number].shape.contains(points)
-        if not largest(self.comm, int(inside[: self.mesh.n_owned].any())):
-            allowed = "a region that holds one: vertices lie on the edges of the body, and cell_size apart"
-            raise self.scene.error(key, f'"{name}", which holds no vertex of the mesh', allowed)
         return inside
 
     def _set_initial_state(self):

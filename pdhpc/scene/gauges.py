@@ -12,7 +12,8 @@ def make_gauges(problem, view, comm):
             members = nearest_point(comm, view, probe.point)
         else:
             members = problem.members(view, comm, probe.region, f"probe '{probe.name}': region")
-        probes.append(Probe(comm, probe.name, probe.quantity, members, scene.dim))
+        supports = problem.supports(comm, probe.region) if probe.quantity == "reaction" else None
+        probes.append(Probe(comm, probe.name, probe.quantity, members, scene.dim, supports))
     tips = []
     for tip in scene.tip:
         members = problem.members(view, comm, tip.region, f"tip '{tip.name}': region")

@@ -18,6 +18,10 @@ class Uncoupled:
         """Return the gauge of what couples the parts, or None. Collective."""
         return None
 
+    def supports(self, comm, name):
+        """Return what holds a region, other than the particles or vertices in it: (n,) owned vertices of elements, or None. Collective."""
+        return None
+
     def guards(self, stepper, comm, steps):
         """Return the observers that stop a run whose coupling fails, at `steps` and in between. Local."""
         return []

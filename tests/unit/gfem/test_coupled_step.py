@@ -184,3 +184,32 @@ def test_energy_with_patches_is_nearly_what_was_put_in(coupled_body):
     """The blend damps, and keeps no energy: at 0.6 of the critical step and 17 steps it is off by some percent."""
     stepper = coupled_body(("time.dt=2.4", "time.end=60.0"), extra=PULLED + HELD).stepper()
     assert balance(stepper, 17) < 0.05
+
+
+@pytest.mark.parametrize("where, stops", (("right", True), ("middle", False), ("no_fail", False)))
+def test_material_that_fails_beside_held_regions_stops_the_run(coupled_body, where, stops):
+    """Elements strained beyond the limit, at x = 10 beside the vertices that are held at 12, where they may not be enriched; in the middle they may, and
+    those that never fail never do."""
+    extra = HELD + ('[damage]\nno_fail = ["right"]\n'.replace('"right"', '"near"') + '[[region]]\nname = "near"\nshape = "box"\nlower = [4.0, -8.0]\nupper = [12.0, 8.0]\n'
+                    if where == "no_fail" else "")
+    stepper = coupled_body(STEP, tip=None, material=BRITTLE, extra=extra).stepper()
+    x = stepper.solution.mesh.points[:, 0]
+    stepper.solution.displacement[:, 0] = 0.03 * np.clip(x + 4.0, 0.0, 4.0) if where == "middle" else 0.03 * np.maximum(x - 8.0, 0.0)
+    assert stepper.failure is None
+    stepper.choose_patches()
+    assert (stepper.failure is not None) == stops and stepper.patches.chosen.any() == (where == "middle")
+    if stops:
+        assert stepper.failure.startswith("the material failed near (10, -6) m at t = 0 s, within two cells of where motion is prescribed")
+
+
+def test_bonds_that_break_on_a_ramp_for_good_stop_the_run(coupled_body):
+    """Cell 17, x from 4 to 8, has vertices at x = 8 that never join J, so that elements share the bonds of its particles."""
+    stepper = coupled_body(STEP, tip=None, material=BRITTLE, extra=HELD).stepper()
+    local = stepper.local
+    stepper.patches.add(np.isin(np.arange(24), (13, 14)))
+    stepper.follow()
+    assert local.watched[17] and stepper.patches.never_whole()[17] and not stepper.patches.never_whole()[13]
+    local.subdomain.bonds.arrays.alive[0, local.lattice.slots_of(np.array([17], np.int32))[0, 7]] = 0
+    local.blended.seen[:] = True  # as after a run that broke them
+    stepper.choose_patches()
+    assert stepper.failure.startswith("the material failed near (6, -2) m")

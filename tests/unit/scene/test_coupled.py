@@ -117,3 +117,34 @@ def test_two_holds_of_different_components_may_meet(coupled_body):
     for motion in solution.motions:
         held[np.ix_(motion.indices, motion.components)] = True
     assert np.array_equal(held[:, 0], x == 12.0) and np.array_equal(held[:, 1], (x >= 8.0) & (y <= -4.0))
+
+
+@pytest.mark.parametrize("tip, fits", ((2.0, True), (3.0, False)))
+def test_cracks_near_held_regions_are_refused(coupled_body, tip, fits):
+    """x = 12 is held, so that vertices from x = 8 on never join: particles may lose bonds up to x = 4, and do so half a bond, 1.7, beyond the tip."""
+    problem = coupled_body(("gfem.everywhere=true",), tip=tip, extra=regions("right") + hold("right"))
+    if fits:
+        assert problem.stepper().patches.chosen.any()
+        return
+    with pytest.raises(SceneError, match=r"crack = pre-cracks that cut bonds in 2 cells, one around \(6, -2\) m, within two cells of where motion is prescribed"):
+        problem.stepper()
+
+
+def test_a_reaction_is_the_force_of_the_supports(coupled_body, comm):
+    """R = - sum of the elements' forces at the held vertices, K d of assembled stiffnesses; regions without held vertices count the particles' forces."""
+    extra = regions("right", "between") + hold("right") + "".join(
+        f'[[probe]]\nname = "{name}"\nregion = "{name}"\nquantity = "reaction"\n' for name in ("right", "between")
+    ) + "[[initial]]\ndisplacement_gradient = [[1e-3, 2e-3], [0.0, -1e-3]]\n"
+    problem = coupled_body(tip=None, extra=extra)
+    stepper, parts = problem.stepper(), problem.coupled_parts
+    from pdhpc.scene.gauges import make_gauges
+
+    probes = make_gauges(problem, stepper.view, comm)[1]
+    mesh, u = parts.mesh, parts.solution.displacement
+    force = np.zeros_like(u)
+    for cell, corners in enumerate(mesh.cells):
+        force[corners] += (parts.material.whole_stiffness[parts.material.kind[cell]] @ u[corners].ravel()).reshape(4, 2)
+    stepper.view.prepare()
+    found = probes[0].read(stepper)
+    assert found == pytest.approx(force[mesh.points[:, 0] == 12.0].sum(axis=0).tolist(), rel=1e-12) and found[0] > 0.005
+    assert probes[0].supports is not None and probes[1].supports is None and max(map(abs, probes[1].read(stepper))) < 1e-15, "uniform strain inside the body"
