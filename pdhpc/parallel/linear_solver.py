@@ -231,10 +231,23 @@ def first_row(comm, n_local):
     return comm.scan(n_local) - n_local
 
 
+_REASONS = {  # PETSc's KSPConvergedReason: what it means, and what to do about it
+    -3: ("the iterations are used up", "raise -{prefix}ksp_max_it"),
+    -4: ("the residual grew beyond all bounds", "try another -{prefix}pc_type, such as jacobi"),
+    -5: ("the method broke down", "try another -{prefix}ksp_type, such as minres"),
+    -8: ("the preconditioner is not positive definite", "try another -{prefix}pc_type, such as jacobi"),
+    -9: ("a number is not finite", "look for moduli, loads or motions that are out of all proportion"),
+    -10: ("the matrix is not positive definite", "look for parts that nothing holds, and for moduli at the limit of what is stable"),
+    -11: ("the preconditioner could not be set up", "try another -{prefix}pc_type, such as jacobi"),
+}
+
+
 def _failure(ksp, prefix):
-    """Return what to say of a KSP that did not converge."""
-    return (f"the KSP {prefix} did not converge in {ksp.getIterationNumber()} iterations (reason {int(ksp.reason)}, residual norm"
-            f" {ksp.getResidualNorm():.3g}): raise -{prefix}ksp_max_it")
+    """Return what to say of a KSP that did not converge: why, in PETSc's number and in words, and what to do."""
+    reason = int(ksp.reason)
+    meaning, advice = _REASONS.get(reason, ("see KSPConvergedReason in PETSc's manual", "try another -{prefix}ksp_type"))
+    return (f"the KSP {prefix} did not converge in {ksp.getIterationNumber()} iterations, residual norm {ksp.getResidualNorm():.3g}: {meaning}"
+            f" (reason {reason}); {advice.format(prefix=prefix)}")
 
 
 def _diverged(ksp, prefix):

@@ -15,7 +15,7 @@ from pdhpc.fem.nodes import Nodes
 from pdhpc.fem.view import MeshView
 from pdhpc.parallel.comm import largest, smallest
 from pdhpc.scene.lattice_elasticity import make_lattice_elasticity
-from pdhpc.scene.mesh_body import MeshBody, checked_locally, make_mesh_body, moduli_of
+from pdhpc.scene.mesh_body import MeshBody, checked_locally, locking, make_mesh_body, moduli_of
 from pdhpc.scene.mesh_sets import MeshSets, make_loads, set_initial_state
 from pdhpc.scene.problem import Uncoupled
 from pdhpc.scene.steps import choose_step
@@ -112,7 +112,8 @@ def build_elastic(scene, comm):
         step = _implicit_step(scene)
     if scene.fem.integration == "static":
         _check_supports(scene, comm, elasticity, conditions)
-    return ElasticProblem(scene, body, elasticity, nodes, conditions, sets, critical, *step, make_stepper)
+    dt, n_steps, warnings = step
+    return ElasticProblem(scene, body, elasticity, nodes, conditions, sets, critical, dt, n_steps, warnings + locking(scene), make_stepper)
 
 
 def _make_elasticity(scene, body):

@@ -14,6 +14,7 @@ from pdhpc.scene.sections import section
 from pdhpc.scene.sentences import nearest
 
 _MOST_CELLS = 2**28  # of a rank, whose vertices and slots are numbered by 32 bits
+_LOCKING = 0.499  # Poisson's ratio from which on a run is warned of locking
 _WEIGHT = 16  # of a cell in the partition of a box; one that is left out counts as 1
 
 
@@ -117,16 +118,27 @@ def cells_of_group(scene, comm, mesh, name, key):
 
 def moduli_of(scene):
     """Return (moduli (n_material, v, v), Pa; density (n_material,), kg/m^3) of Hooke's law. Local."""
-    moduli = []
-    for table in scene.material:
-        e, nu = table.youngs_modulus, table.poissons_ratio
-        if table.model == "pmb":
-            nu = POISSONS_RATIO[scene.dimension]
-        elif e is None:
-            k, g = table.bulk_modulus, table.shear_modulus
-            e, nu = 9 * k * g / (3 * k + g), (3 * k - 2 * g) / (2 * (3 * k + g))
-        moduli.append(isotropic(e, nu, scene.dimension))
+    moduli = [isotropic(*_elastic_constants(scene, table), scene.dimension) for table in scene.material]
     return np.array(moduli), np.array([table.density for table in scene.material])
+
+
+def _elastic_constants(scene, table):
+    """Return (E, Pa, nu) of a material table. Local."""
+    if table.model == "pmb":
+        return table.youngs_modulus, POISSONS_RATIO[scene.dimension]
+    if table.youngs_modulus is not None:
+        return table.youngs_modulus, table.poissons_ratio
+    k, g = table.bulk_modulus, table.shear_modulus
+    return 9 * k * g / (3 * k + g), (3 * k - 2 * g) / (2 * (3 * k + g))
+
+
+def locking(scene):
+    """Return a sentence for each material that is too near to incompressible for elements of linear functions. Local."""
+    if scene.dimension == "plane_stress":
+        return []
+    ratios = {table.name: _elastic_constants(scene, table)[1] for table in scene.material}
+    return [f"the elements of material '{name}' lock at Poisson's ratio {nu:.6g}: they move too little, and a static solve stalls, the more the nearer it is to 1/2"
+            for name, nu in ratios.items() if nu > _LOCKING]
 
 
 def checked_locally(scene, comm, action, *arguments):

@@ -1,4 +1,5 @@
 """What a scene of finite elements would cost: counted and built where it is small, estimated from a sample where it is large."""
+import contextlib
 import math
 import time
 from typing import List, NamedTuple
@@ -7,10 +8,10 @@ import numpy as np
 
 from pdhpc.fem.elements import ELEMENTS
 from pdhpc.parallel.comm import world
-from pdhpc.parallel.linear_solver import start_petsc
+from pdhpc.parallel.linear_solver import SolverError, start_petsc
 from pdhpc.scene.build import build
 from pdhpc.scene.gauges import make_gauges
-from pdhpc.scene.mesh_body import body_of_cells, box_of
+from pdhpc.scene.mesh_body import body_of_cells, box_of, locking
 from pdhpc.scene.mesh_rules import unused
 from pdhpc.scene.read import scene_from_dict
 from pdhpc.scene.steps import choose_step
@@ -63,6 +64,7 @@ def estimate_mesh(scene, ranks=None):
         cells, vertices = _count(scene)
         width, critical = block.elasticity.width, block.critical_dt
         dt, steps, warnings = choose_step(scene, critical) if scene.fem.integration == "explicit" else (block.dt, block.n_steps, [])
+        warnings = warnings + locking(scene)
     rate = _rate(scene)
     memory = _memory(scene, kind, cells, vertices, width) / ranks
     seconds = cells * steps / (rate * ranks)
@@ -104,7 +106,8 @@ def _rate(scene):
     stepper, best = problem.stepper(), math.inf
     for _ in range(5 if explicit else 2):
         started = time.perf_counter()
-        stepper.advance()
+        with contextlib.suppress(SolverError):  # its iterations cost what those of the run's own solve do, which may converge
+            stepper.advance()
         best = min(best, time.perf_counter() - started)
     return problem.body.mesh.n_global_cells / best
 

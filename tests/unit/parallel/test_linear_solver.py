@@ -25,6 +25,19 @@ def test_failure_is_remembered(comm):
     assert "test_ did not converge in 1 iterations" in solver.failure and "-test_ksp_max_it" in solver.failure
 
 
+@pytest.mark.parametrize("matrix, most, words", [
+    (np.diag([1.0, -0.1, 2.0]), 3, "the matrix is not positive definite (reason -10); look for parts that nothing holds"),
+    (np.diag([np.nan, 1.0, 1.0]), 3, "a number is not finite (reason -9); look for moduli"),
+    (MATRIX, 1, "the iterations are used up (reason -3); raise -reason_ksp_max_it"),
+])
+def test_failures_say_what_petsc_means(comm, matrix, most, words):
+    rows = Rows(np.arange(0, 10, 3), np.tile(np.arange(3), 3), matrix.ravel())
+    solver = MatrixSolver(comm, "reason_", Defaults("cg", 1e-12, most, "none"), rows)
+    with pytest.raises(SolverError) as caught:
+        solver.solve(np.array([1.0, 2.0, 3.0]))
+    assert words in str(caught.value), caught.value
+
+
 def test_nothing_to_solve(comm):
     assert len(LinearSolver(comm, "test_", Defaults("cg"), 0, lambda x: x, np.empty(0)).solve(np.empty(0))) == 0
 
@@ -88,7 +101,7 @@ def test_options_of_the_prefix_take_precedence(comm):
 
     PETSc.Options()["chosen_ksp_max_it"] = 1
     try:
-        with pytest.raises(SolverError, match=r"chosen_ did not converge in 1 iterations \(reason -3, residual norm .*raise -chosen_ksp_max_it"):
+        with pytest.raises(SolverError, match=r"chosen_ did not converge in 1 iterations, residual norm .* \(reason -3\); raise -chosen_ksp_max_it"):
             MatrixSolver(comm, "chosen_", Defaults("cg", 1e-12, 50), rows_of(MATRIX)).solve(np.array([1.0, 2.0, 3.0]))
     finally:
         PETSc.Options().delValue("chosen_ksp_max_it")

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from pdhpc.scene.mesh_body import body_of_cells, box_of, make_mesh_body, moduli_of
+from pdhpc.scene.mesh_body import body_of_cells, box_of, locking, make_mesh_body, moduli_of
 from pdhpc.scene.read import parse_scene
 from pdhpc.scene.schema import SceneError
 from tests.unit.scene.test_mesh_rules import FEM, SECOND
@@ -47,6 +47,16 @@ def test_moduli_are_those_of_each_material():
     assert moduli[0] == pytest.approx(np.array([[1.0, 0.25, 0.0], [0.25, 1.0, 0.0], [0.0, 0.0, 0.375]]) / (1 - 0.0625))  # plane stress: E/(1 - nu^2) and E/(2 (1 + nu))
     assert moduli[1] == pytest.approx(moduli[0] * 3.0)  # K = 2, G = 1.2: E = 9 K G/(3 K + G) = 3, nu = 1/4
     assert moduli_of(parse_scene(FEM, "t"))[0][0][0, 1] == pytest.approx(3 / 8)  # pmb: nu = 1/3
+
+
+def test_nearly_incompressible_solids_lock():
+    """K = 1000 G: nu = (3 - 2/1000)/(2 (3 + 1/1000)) = 0.4995; plane stress does not lock, since it may grow thinner."""
+    text, overrides = FEM + STIFF + SECOND.replace('"m"', '"stiff"'), ["material.m.model=elastic", "material.m.poissons_ratio=0.25"]
+    assert locking(parse_scene(text, "t", [*overrides, "dimension=plane_strain"])) == []
+    overrides += ["material.stiff.bulk_modulus=1000.0", "material.stiff.shear_modulus=1.0"]
+    assert locking(parse_scene(text, "t", overrides)) == []
+    said, = locking(parse_scene(text, "t", [*overrides, "dimension=plane_strain"]))
+    assert "material 'stiff' lock at Poisson's ratio 0.4995" in said
 
 
 @pytest.mark.parametrize("version", (2, 4))

@@ -33,6 +33,18 @@ def test_a_large_one_is_counted(monkeypatch, comm):
     assert found.critical_dt == pytest.approx(problem.critical_dt, rel=0.02) and found.steps == problem.n_steps
 
 
+def test_a_system_that_is_not_solved_has_a_cost(comm):
+    from petsc4py import PETSc
+
+    overrides = ["material.m.model=elastic", "material.m.poissons_ratio=0.49999", "dimension=plane_strain", "fem.integration=static"]
+    PETSc.Options()["gfem_ksp_max_it"] = 1
+    try:
+        found = estimate_mesh(parse_scene(FEM + HELD + POINT, "t", overrides), 1)
+    finally:
+        PETSc.Options().delValue("gfem_ksp_max_it")
+    assert 0.0 < found.seconds < 1e3 and "lock at Poisson's ratio 0.49999:" in found.warnings[-1]
+
+
 def test_errors_are_those_of_a_run():
     with pytest.raises(SceneError, match="leave 3 rigid motions"):
         estimate_mesh(parse_scene(FEM, "t", ["fem.integration=static"]))
