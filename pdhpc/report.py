@@ -34,6 +34,7 @@ def _body_rows(record):
     rows = []
     if "dofs" in record:
         rows.append(("cells, vertices, dofs", f"{record['cells']:,} ({record['cell_kind']}), {record['vertices']:,}, {record['dofs']:,}"))
+        rows += _piece_rows(record.get("pieces", 1))
         rows.append(("integration, moduli", f"{record['integration']}, {record['moduli']}"))
     elif "cells" in record:
         found = record["coupling"]
@@ -43,6 +44,11 @@ def _body_rows(record):
     if "particles" in record:
         rows += [("path", record["path"]), ("particles, bonds", f"{record['particles']:,}, {record['bonds']:,}")]
     return rows
+
+
+def _piece_rows(count):
+    """Return the row that says that a mesh does not hang together."""
+    return [("pieces", f"{count:,} that share no facet with each other")] if count > 1 else []
 
 
 def _speed_rows(record):
@@ -123,6 +129,7 @@ def _print_mesh_check(scene, ranks):
     print_rows([
         ("scene", scene.title or scene.source),
         ("cells", f"{found.cells:,} ({found.kind})"),
+        *_piece_rows(found.pieces or 1),
         ("vertices, dofs", f"{about}{found.vertices:,}, {found.dofs:,}"),
         ("integration, moduli", f"{found.integration}, {found.moduli}"),
         ("critical step", critical),

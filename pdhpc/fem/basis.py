@@ -50,8 +50,11 @@ def rigid_motions(basis, mesh):
     """Return the unknowns (n_vertices, width, 3 or 6) of the rigid motions: along the axes, and around them. Local."""
     dim, axes = mesh.dim, np.eye(mesh.dim)
     motions = [basis.linear(mesh, np.zeros((dim, dim)), axis) for axis in axes]
-    for a in range(dim):
-        for b in range(a):
-            turn = np.outer(axes[a], axes[b]) - np.outer(axes[b], axes[a])
-            motions.append(basis.linear(mesh, turn, np.zeros(dim)))
+    motions += [basis.linear(mesh, turn, np.zeros(dim)) for turn in turns(dim)]
     return np.stack(motions, axis=-1)
+
+
+def turns(dim):
+    """Return (1 or 3, dim, dim): W of the rigid motions u = W x around the origin. Local."""
+    axes = np.eye(dim)
+    return np.array([np.outer(axes[a], axes[b]) - np.outer(axes[b], axes[a]) for a in range(dim) for b in range(a)])

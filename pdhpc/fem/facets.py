@@ -53,21 +53,26 @@ def find_outer_facets(kind, cells, n_owned, n_vertices):
 
     All cells around the vertices of those cells must be among `cells` (n_cells, corners), or facets between ranks would count as outer ones.
     """
-    start, star = find_stars(cells, n_vertices)
-    corners = FACETS[kind]
-    outer = np.empty((n_owned, len(corners)), np.bool_)
-    _mark_outer(cells, corners, start, star, outer)
-    cell, facet = np.nonzero(outer)
+    cell, facet = np.nonzero(find_neighbours(kind, cells, n_owned, n_vertices) < 0)
     return cell.astype(np.int32), facet.astype(np.int32)
 
 
+def find_neighbours(kind, cells, n, n_vertices):
+    """Return (n, n_facets) int32: the cell beyond each facet of the first n cells, by place in FACETS, -1 where none of `cells` (n_cells, corners) is. Local."""
+    start, star = find_stars(cells, n_vertices)
+    corners = FACETS[kind]
+    neighbours = np.empty((n, len(corners)), np.int32)
+    _list_neighbours(cells, corners, start, star, neighbours)
+    return neighbours
+
+
 @kernel
-def _mark_outer(cells, corners, start, star, outer):
-    """Set outer[cell, facet] where no other cell around the facet's first vertex has all its vertices."""
-    for cell in range(outer.shape[0]):
-        for facet in range(outer.shape[1]):
+def _list_neighbours(cells, corners, start, star, neighbours):
+    """Set neighbours[cell, facet] to the other cell around the facet's first vertex that has all its vertices, or to -1."""
+    for cell in range(neighbours.shape[0]):
+        for facet in range(neighbours.shape[1]):
             first = cells[cell, corners[facet, 0]]
-            alone = True
+            beyond = -1
             for k in range(start[first], start[first + 1]):
                 other = star[k]
                 if other == cell:
@@ -81,6 +86,6 @@ def _mark_outer(cells, corners, start, star, outer):
                         shared = False
                         break
                 if shared:
-                    alone = False
+                    beyond = other
                     break
-            outer[cell, facet] = alone
+            neighbours[cell, facet] = beyond

@@ -5,13 +5,13 @@ from typing import Callable, List
 
 import numpy as np
 
-from pdhpc.fem.basis import rigid_motions
 from pdhpc.fem.conditions import NodalConditions
 from pdhpc.fem.critical_step import critical_step
 from pdhpc.fem.elasticity import Elasticity
 from pdhpc.fem.explicit import Explicit
 from pdhpc.fem.internal_forces import InternalForces, make_sweep
 from pdhpc.fem.nodes import Nodes
+from pdhpc.fem.pieces import Pieces, find_free_piece, find_pieces
 from pdhpc.fem.view import MeshView
 from pdhpc.parallel.comm import largest, smallest
 from pdhpc.scene.lattice_elasticity import make_lattice_elasticity
@@ -21,14 +21,13 @@ from pdhpc.scene.problem import Uncoupled
 from pdhpc.scene.steps import choose_step
 
 _NEWMARK_STEPS = 100  # to time.end, where the scene does not name the step
-_RANK = 1e-10  # of the largest eigenvalue of the rigid motions that supports hold: below, one is free
 
 
 @dataclass
 class ElasticProblem(Uncoupled):
     """Everything one rank needs to run a scene of finite elements; the face of scene.problem.Problem.
 
-    body : MeshBody. elasticity : Elasticity. nodes : Nodes. conditions : NodalConditions. sets : MeshSets.
+    body : MeshBody. elasticity : Elasticity. nodes : Nodes. conditions : NodalConditions. sets : MeshSets. pieces : Pieces.
     critical_dt : s, of central differences; infinite for implicit integration. make_stepper : function dt -> what advances.
     """
 
@@ -38,6 +37,7 @@ class ElasticProblem(Uncoupled):
     nodes: Nodes
     conditions: NodalConditions
     sets: MeshSets
+    pieces: Pieces
     critical_dt: float
     dt: float
     n_steps: int
@@ -62,6 +62,7 @@ class ElasticProblem(Uncoupled):
         mesh, fem = self.body.mesh, self.scene.fem
         return {
             "cells": mesh.n_global_cells,
+            **({"pieces": self.pieces.count} if self.pieces.count > 1 else {}),
             "cell_kind": mesh.kind,
             "vertices": mesh.n_global_vertices,
             "dofs": mesh.n_global_vertices * self.elasticity.width,
@@ -110,10 +111,11 @@ def build_elastic(scene, comm):
     else:
         critical, make_stepper = math.inf, _implicit(scene, elasticity, nodes, conditions)
         step = _implicit_step(scene)
+    pieces = find_pieces(body.mesh)
     if scene.fem.integration == "static":
-        _check_supports(scene, comm, elasticity, conditions)
+        _check_supports(scene, elasticity, conditions, pieces)
     dt, n_steps, warnings = step
-    return ElasticProblem(scene, body, elasticity, nodes, conditions, sets, critical, dt, n_steps, warnings + locking(scene), make_stepper)
+    return ElasticProblem(scene, body, elasticity, nodes, conditions, sets, pieces, critical, dt, n_steps, warnings + locking(scene), make_stepper)
 
 
 def _make_elasticity(scene, body):
@@ -160,23 +162,21 @@ def _implicit_step(scene):
     return scene.time.dt, max(1, math.ceil(end / scene.time.dt * (1 - 1e-12))), []
 
 
-def _check_supports(scene, comm, elasticity, conditions):
-    """Raise a SceneError unless the prescribed components leave no rigid motion of the whole free. Collective."""
-    n, mesh = conditions.nodes.n_owned, elasticity.mesh
+def _check_supports(scene, elasticity, conditions, pieces):
+    """Raise a SceneError unless the prescribed components leave no rigid motion of any piece of the mesh free. Collective."""
     fixed = conditions.nodes.owned(conditions.constrained())
-    centre = mesh.points[:n].sum(axis=0)
-    centre, size = comm.allreduce(centre) / mesh.n_global_vertices, 0.0
-    size = largest(comm, float(np.abs(mesh.points - centre).max(initial=0.0)))
-    motions = rigid_motions(elasticity.basis, mesh)[:n]
-    held = motions[fixed]
-    scale = np.ones(motions.shape[2])
-    scale[mesh.dim :] = 1.0 / size
-    held = held * scale
-    eigenvalues = np.linalg.eigvalsh(comm.allreduce(held.T @ held))
-    if not eigenvalues[0] > _RANK * max(eigenvalues[-1], 1e-300):
-        free = int(np.count_nonzero(~(eigenvalues > _RANK * max(eigenvalues[-1], 1e-300))))
-        raise scene.error("load", f"prescribed displacements that leave {free} rigid motions of the body free",
-                          "displacements that hold the body against all of them: fem.integration = \"static\" finds no equilibrium otherwise")
+    found = find_free_piece(elasticity.basis, elasticity.mesh, pieces, fixed)
+    if found is None:
+        return
+    motions = f"{found.motions} rigid motion{'s' if found.motions > 1 else ''}"
+    free, whole = f"{motions} of the body free", "the body"
+    if pieces.count > 1:
+        place = ", ".join(f"{x:.6g}" for x in found.place)
+        others = f" and some of {found.others} others" if found.others else ""
+        free = f"{motions} free of the piece at ({place}) m{others}, of the mesh's {pieces.count} pieces, each of cells that share {'edges' if scene.dim == 2 else 'faces'}"
+        whole = "each piece"
+    allowed = f'displacements that hold {whole} against all of them: fem.integration = "static" finds no equilibrium otherwise'
+    raise scene.error("load", f"prescribed displacements that leave {free}", allowed)
 
 
 def _check_probes(scene, mesh, comm):

@@ -2,7 +2,7 @@
 import contextlib
 import math
 import time
-from typing import List, NamedTuple
+from typing import List, NamedTuple, Optional
 
 import numpy as np
 
@@ -30,6 +30,7 @@ class MeshEstimate(NamedTuple):
     exact: bool
     kind: str
     cells: int
+    pieces: Optional[int]  # None where the mesh was not built
     vertices: int
     dofs: int
     integration: str
@@ -55,20 +56,20 @@ def estimate_mesh(scene, ranks=None):
         problem = build(scene, MPI.COMM_SELF)
         mesh, kind = problem.body.mesh, problem.body.mesh.kind
         make_gauges(problem, problem.stepper().view, MPI.COMM_SELF)
-        cells, vertices, width = mesh.n_global_cells, mesh.n_global_vertices, problem.elasticity.width
+        pieces, cells, vertices, width = problem.pieces.count, mesh.n_global_cells, mesh.n_global_vertices, problem.elasticity.width
         critical, dt, steps, warnings = problem.critical_dt, problem.dt, problem.n_steps, list(problem.warnings)
         if ranks > cells:
             warnings.append(f"{ranks} ranks for {cells} cells: some own nothing")
     else:
         kind, block = {2: "quad", 3: "hexahedron"}[scene.dim], _problem(scene, 4)
-        cells, vertices = _count(scene)
+        pieces, (cells, vertices) = None, _count(scene)
         width, critical = block.elasticity.width, block.critical_dt
         dt, steps, warnings = choose_step(scene, critical) if scene.fem.integration == "explicit" else (block.dt, block.n_steps, [])
         warnings = warnings + locking(scene)
     rate = _rate(scene)
     memory = _memory(scene, kind, cells, vertices, width) / ranks
     seconds = cells * steps / (rate * ranks)
-    return MeshEstimate(exact, kind, cells, vertices, vertices * width, scene.fem.integration, scene.moduli, critical, dt, steps, ranks, memory, rate, seconds,
+    return MeshEstimate(exact, kind, cells, pieces, vertices, vertices * width, scene.fem.integration, scene.moduli, critical, dt, steps, ranks, memory, rate, seconds,
                         unused(scene) + warnings)
 
 

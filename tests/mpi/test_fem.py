@@ -4,6 +4,7 @@ import pytest
 from mpi4py import MPI
 
 from pdhpc.conditions.time_functions import Sine
+from pdhpc.fem.basis import Hats
 from pdhpc.fem.conditions import NodalConditions
 from pdhpc.fem.evaluate import nodal_stresses
 from pdhpc.fem.explicit import Explicit
@@ -11,6 +12,7 @@ from pdhpc.fem.flat_top import FlatTop
 from pdhpc.fem.loads import facets_of_set, gravity_loads, nodal_load, traction_loads
 from pdhpc.fem.newmark import Newmark
 from pdhpc.fem.nodes import Nodes
+from pdhpc.fem.pieces import find_free_piece, find_pieces
 from pdhpc.fem.static import Static
 from pdhpc.fem.supports import Given, prescribe_on_facets
 from pdhpc.fem.vertex_matrix import VertexMatrix
@@ -145,6 +147,23 @@ def test_sets_of_a_file_are_loaded_once(comm):
         total = comm.allreduce(np.linalg.norm(mesh.points[facets[:, 1]] - mesh.points[facets[:, 0]], axis=1).sum())
         pressure = traction_loads(solid(mesh), facets, cell, [1.0, 0.0])
         assert comm.allreduce(pressure[:, 0].sum()) == pytest.approx(total, rel=1e-12) and total > 0.0
+
+
+@pytest.mark.mpi(min_size=2)
+def test_pieces_reach_over_ranks(comm):
+    """A comb of three teeth hangs together by its back alone; squares along a diagonal meet at vertices. All ranks know the same of them as one does."""
+    comb = {"counts": (20, 12), "keep": lambda x: (x[:, 1] < 0.1) | (np.abs(x[:, 0] % 0.5 - 0.1) < 0.1)}
+    steps = {"counts": (9, 9), "keep": lambda x: np.ptp(x // 0.4, axis=1) == 0.0}
+    for options, count in ((comb, 1), (steps, 3)):
+        found = []
+        for each in (comm, MPI.COMM_SELF):
+            mesh = box_mesh(each, options["counts"], keep=options["keep"])
+            pieces = find_pieces(mesh)
+            held = np.repeat(mesh.points[: mesh.n_owned, :1] < 0.01, 2, axis=1)
+            found.append((pieces.count, pieces.first.tolist(), dict(zip(mesh.cell_id.tolist(), pieces.number.tolist())), find_free_piece(Hats("quad"), mesh, pieces, held)))
+        assert found[0][:2] == found[1][:2] and found[0][0] == count and found[0][2].items() <= found[1][2].items()
+        assert (found[0][3] is None) == (found[1][3] is None) == (count == 1)
+        assert count == 1 or found[0][3].motions == found[1][3].motions == 1 and found[0][3].place == pytest.approx(found[1][3].place)
 
 
 @pytest.mark.mpi(min_size=2)

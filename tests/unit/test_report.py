@@ -31,3 +31,11 @@ def test_summary_of_a_coupled_run(capsys):
     text = capsys.readouterr().out
     for words in ("16, 25; 9 patches", "pinned, 4 of 0.5 s", "12.5% of the particles", "400, 6,190"):
         assert words in text
+
+
+def test_check_counts_the_pieces_of_a_mesh(capsys, comm):
+    from tests.unit.scene.test_mesh_rules import FEM, SECOND
+
+    for lower, rows in (([10.0, 0.0], 0), ([11.0, 0.0], 1)):  # the second box touches the first, or stands apart
+        report.print_check(parse_scene(FEM + SECOND.replace("[10.0, 0.0]", str(lower)), "t"), 1)
+        assert capsys.readouterr().out.count("2 that share no facet with each other") == rows

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from pdhpc.fem.facets import DIM, FACETS, UNIT_CORNERS, find_outer_facets, find_stars
+from pdhpc.fem.facets import DIM, FACETS, UNIT_CORNERS, find_neighbours, find_outer_facets, find_stars
 
 MEASURE = {"triangle": 1 / 2, "quad": 1.0, "tetra": 1 / 6, "hexahedron": 1.0}  # of the reference cells
 
@@ -31,6 +31,7 @@ def test_outer_facets_of_two_triangles():
     """The edge (1, 2) is shared; of the second triangle, a ghost here, nothing is told."""
     cells = np.array([[0, 1, 2], [2, 1, 3]], np.int32)
     assert [found.tolist() for found in find_outer_facets("triangle", cells, 2, 4)] == [[0, 0, 1, 1], [0, 2, 1, 2]]
+    assert find_neighbours("triangle", cells, 2, 4).tolist() == [[-1, 1, -1], [0, -1, -1]]
     assert [found.tolist() for found in find_outer_facets("triangle", cells, 1, 4)] == [[0, 0], [0, 2]]
 
 

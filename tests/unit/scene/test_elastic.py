@@ -9,7 +9,7 @@ from pdhpc.scene.elastic import build_elastic
 from pdhpc.scene.gauges import make_gauges
 from pdhpc.scene.read import parse_scene, read_scene
 from pdhpc.scene.schema import SceneError
-from tests.unit.scene.test_mesh_rules import FEM
+from tests.unit.scene.test_mesh_rules import FEM, SECOND
 
 HELD = """
 [[region]]
@@ -92,6 +92,21 @@ def test_a_body_that_nothing_holds_has_no_equilibrium(comm, overrides, words):
     with pytest.raises(SceneError) as caught:
         problem_of(comm, FEM + HELD, ["fem.integration=static", *overrides])
     assert all(word in str(caught.value) for word in words), caught.value
+
+
+@pytest.mark.parametrize("lower, upper, words", [
+    ([10.0, 5.0], [15.0, 10.0], "leave 1 rigid motion free of the piece at (10.25, 5.25) m, of the mesh's 2 pieces, each of cells that share edges; allowed is displacements that hold each"),
+    ([12.0, 0.0], [15.0, 5.0], "leave 3 rigid motions free of the piece at (12.25, 0.25) m, of the mesh's 2 pieces"),
+])
+def test_each_piece_is_held(comm, lower, upper, words):
+    """A second box that touches the first in a corner can turn, one that stands apart can move as it likes; neither is loaded."""
+    text = FEM + HELD + SECOND.replace("[10.0, 0.0]", str(lower)).replace("[15.0, 5.0]", str(upper))
+    overrides = ["load.hold.value=[0.0, 0.0]", "load.pull.value=[0.0, 0.0]"]
+    with pytest.raises(SceneError) as caught:
+        problem_of(comm, text, ["fem.integration=static", *overrides])
+    assert words in str(caught.value), caught.value
+    problem = problem_of(comm, text, ["fem.integration=newmark", *overrides])
+    assert problem.sizes(problem.stepper(), comm)["pieces"] == 2
 
 
 def test_probes_lie_in_the_mesh(comm, request):
