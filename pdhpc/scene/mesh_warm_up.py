@@ -147,6 +147,8 @@ def compile_coupled(scene, comm):
     gauges = make_gauges(problem, stepper.view, comm)[2] + [problem.coupling(stepper, comm)]
     for _ in range(2):
         stepper.advance()
+    stepper.local.look(1.0)
+    stepper.local.wanting(1.0)
     stepper.ledger()
     stepper.view.prepare()
     stepper.view.first_not_finite()

@@ -28,7 +28,7 @@ PARTICLES = FEM.replace('"fem"', '"particles"').replace("[mesh]\ncell_size = 0.5
 LATTICE = ["fem.moduli=lattice", 'particles={spacing=0.1, horizon=0.3}']
 GROUP = '[[region]]\nname = "r"\nshape = "group"\ngroup = "left"\n'
 TRACTION = '[[load]]\nname = "l"\ntype = "traction"\nregion = "r"\nvalue = [1.0, 0.0]\n'
-CRACK = '[[crack]]\ntype = "polyline"\npoints = [[1.0, 2.5], [2.0, 2.5]]\n'
+CRACK = '[[crack]]\ntype = "polyline"\npoints = [[4.0, 2.5], [5.0, 2.5]]\n'
 FINE = '[fine]\nshape = "box"\nlower = [1.0, 1.0]\nupper = [2.0, 2.0]\n'
 SECOND = '[[body]]\nname = "c"\nmaterial = "m"\nshape = "box"\nlower = [10.0, 0.0]\nupper = [15.0, 5.0]\n'
 
