@@ -7,10 +7,10 @@ from pdhpc.fem.elements import ELEMENTS
 class Hats:
     """The element's own shape functions, one at each corner: P_i = span{1}.
 
-    functions : per corner. element : Element. quadrature : (points, weights) for stiffness and mass.
+    functions : per corner. element : Element. quadrature : (points, weights) for stiffness and mass. kinks : along an axis of the reference, see fem.cuts.
     """
 
-    functions = 1
+    functions, kinks = 1, (0.0, 1.0)
 
     def __init__(self, kind):
         """kind : of the cells, a name in ELEMENTS."""

@@ -28,7 +28,7 @@ class Element:
         xi = np.atleast_2d(xi)
         if self.simplex:
             return np.column_stack([1.0 - xi.sum(axis=1), xi])
-        return np.prod(self._factors(xi), axis=2)
+        return _product(self._factors(xi), range(self.dim))
 
     def gradient(self, xi):
         """Return dN/dxi (n, corners, dim) at reference coordinates xi (n, dim)."""
@@ -39,7 +39,7 @@ class Element:
         factors, result = self._factors(xi), np.empty((len(xi), self.corners, self.dim))
         for axis in range(self.dim):
             others = [other for other in range(self.dim) if other != axis]
-            result[:, :, axis] = np.prod(factors[:, :, others], axis=2) * (2 * self.places[:, axis] - 1)
+            result[:, :, axis] = _product(factors, others) * (2 * self.places[:, axis] - 1)
         return result
 
     def _factors(self, xi):
@@ -61,6 +61,14 @@ class Element:
                 weights = weights * (left - points[:, axis])
             left = left - points[:, axis]
         return points, weights
+
+
+def _product(factors, axes):
+    """Return (n, corners): the product of factors (n, corners, dim) over some axes, many times as fast as numpy's over a short one."""
+    result = np.ones(factors.shape[:2])
+    for axis in axes:
+        result *= factors[:, :, axis]
+    return result
 
 
 def _tetra_gauss():

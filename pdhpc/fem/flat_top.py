@@ -12,7 +12,7 @@ class FlatTop:
     """Basis of a cell of a box: at corner i phi_i times 1 and times (x_k - x_ik) / h_k of each axis k, h the size of a cell.
 
     functions : 1 + dim per corner. element : Element. flat : the share of a cell's side along which phi_i is 1 (and 0 at the other end). quadrature : on pieces
-    between the kinks of phi, exact for stiffness and mass.
+    between the kinks of phi, exact for stiffness and mass. kinks : along an axis of the reference.
     """
 
     def __init__(self, kind, flat=0.25):
@@ -27,13 +27,13 @@ class FlatTop:
         if not 0.0 < flat < 0.5:
             raise ValueError(f"flat = {flat}: the flat part of a cell's side must be above 0 and below 1/2")
         self.element, self.flat = ELEMENTS[kind], flat
-        self.functions = 1 + self.element.dim
+        self.functions, self.kinks = 1 + self.element.dim, (0.0, flat, 1.0 - flat, 1.0)
         self.quadrature = self._pieces(self.element.dim, 3)
 
     def _pieces(self, dim, n):
         """Return (points, weights) on [0, 1]^dim of n Gauss points on each piece between kinks."""
         x, w = np.polynomial.legendre.leggauss(n)
-        kinks = np.array([0.0, self.flat, 1.0 - self.flat, 1.0])
+        kinks = np.array(self.kinks)
         sides = np.diff(kinks)
         points = (kinks[:-1, None] + sides[:, None] * 0.5 * (x + 1)).ravel()
         weights = (sides[:, None] * 0.5 * w).ravel()

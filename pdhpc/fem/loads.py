@@ -2,9 +2,13 @@
 import numpy as np
 
 from pdhpc.conditions.loads import BodyForce
+from pdhpc.fem.cuts import parts
 from pdhpc.fem.elements import ELEMENTS
 from pdhpc.kernels import cells as loops
 from pdhpc.parallel.comm import largest
+
+_PIECE = 1 << 14  # cells looked at together: bounds the temporary memory
+_INWARD = 1e-9  # of a facet's size: how far inside of the body is asked whether it lies in a shape
 
 
 def facets_where(mesh, where):
@@ -48,29 +52,33 @@ def vertices_of(mesh, facets):
     return marked[: mesh.n_owned, 0] > 0.0
 
 
-def traction_loads(body, facets, cell, traction):
+def traction_loads(body, facets, cell, traction, shape=None):
     """Return (n_owned, width), N: integrals of traction times each function over facets, to the same bits on any number of ranks. Collective over them.
 
     Parameters
     ----------
     body : Elasticity. facets (n, facet corners), cell (n,) : as facets_where.
     traction : (dim,), Pa, or function (points (n, dim), m, outward unit normals (n, dim)) -> (n, dim), Pa.
+    shape : None, or a convex shape: integrals are over the part of the facets in it, see fem.cuts.
     """
     mesh, basis = body.mesh, body.basis
     element = basis.element
     surface = ELEMENTS[element.facet]
-    s, weights = basis.facet_quadrature()
-    on_facet, along = surface.shape(s), surface.gradient(s)
+    inside = mesh.points[facets]
+    if shape is not None:
+        inside = inside - _INWARD * np.ptp(inside, axis=1).max(axis=1)[:, None, None] * outward_normals(mesh, facets)[:, None]
     result = np.zeros((len(mesh.points), body.width))
     for corners in element.facets:
         mine = np.flatnonzero((mesh.cells[cell][:, corners] == facets).all(axis=1))
-        functions = basis.shape(on_facet @ element.places[corners]).reshape(len(s), element.corners, basis.functions)
-        x = mesh.points[facets[mine]]
-        area = _area_vectors(np.einsum("fcx,qcs->fqxs", x, along))
-        size = np.linalg.norm(area, axis=2)
-        places = np.einsum("qc,fcx->fqx", on_facet, x)
-        t = _values(traction, places, area / size[:, :, None])
-        loads = np.einsum("q,fq,qkm,fqa->fkma", body.thickness * weights, size, functions, t).reshape(len(mine), element.corners, body.width)
+        loads = np.zeros((len(mine), element.corners, body.width))
+        for chosen, s, weights in parts(surface, inside[mine], shape, basis.facet_quadrature(), basis.kinks):
+            flat, x = s.reshape(-1, surface.dim), mesh.points[facets[mine[chosen]]]
+            functions = basis.shape(surface.shape(flat) @ element.places[corners]).reshape(*s.shape[:2], -1)
+            area = _area_vectors(np.einsum("fcx,fqcs->fqxs", x, surface.gradient(flat).reshape(*s.shape[:2], surface.corners, surface.dim)))
+            size = np.linalg.norm(area, axis=2)
+            places = np.einsum("fqc,fcx->fqx", surface.shape(flat).reshape(*s.shape[:2], surface.corners), x)
+            t = _values(traction, places, area / size[:, :, None])
+            loads[chosen] = np.einsum("fq,fqk,fqa->fka", body.thickness * weights * size, functions, t).reshape(len(x), element.corners, body.width)
         _add_exactly(result, mesh.cells[cell[mine]], loads, mesh.comm)
     bound = mesh.exchange.bind(result)
     bound.accumulate()
@@ -93,6 +101,26 @@ def body_loads(body, stars, density):
     else:
         b = np.broadcast_to(np.asarray(density, float).reshape(-1, 1, mesh.dim), (len(mesh.cells), len(xi), mesh.dim))
     loads = np.einsum("fq,qk,fqa->fka", measures, basis.shape(xi), b)
+    result = np.zeros((mesh.n_owned, body.width))
+    loops.gather(*stars, loads.reshape(len(mesh.cells), element.corners * body.width), np.arange(mesh.n_owned, dtype=np.int32), 1.0, result)
+    return result
+
+
+def body_loads_within(body, stars, density, shape):
+    """Return (n_owned, width), N: as body_loads over the part of each cell in a convex shape, see fem.cuts; density (n_cells, dim), N/m^3. Local."""
+    mesh, basis = body.mesh, body.basis
+    element = basis.element
+    loads = np.zeros((len(mesh.cells), element.corners * basis.functions, mesh.dim))
+    for first in range(0, len(mesh.cells), _PIECE):
+        x = mesh.points[mesh.cells[first : first + _PIECE]]
+        for chosen, xi, weights in parts(element, x, shape, basis.quadrature, basis.kinks):
+            flat = xi.reshape(-1, mesh.dim)
+            gradient = element.gradient(flat).reshape(*xi.shape[:2], element.corners, mesh.dim)
+            jacobian = sum(x[chosen, None, corner, :, None] * gradient[:, :, corner, None] for corner in range(element.corners))
+            measures = body.thickness * weights * _determinants(jacobian)
+            functions = np.ascontiguousarray(basis.shape(flat).reshape(*xi.shape[:2], -1).transpose(0, 2, 1))
+            integrals = (measures[:, None] * functions).sum(axis=2)
+            loads[first + chosen] = integrals[:, :, None] * density[first + chosen, None]
     result = np.zeros((mesh.n_owned, body.width))
     loops.gather(*stars, loads.reshape(len(mesh.cells), element.corners * body.width), np.arange(mesh.n_owned, dtype=np.int32), 1.0, result)
     return result
@@ -122,6 +150,11 @@ def _area_vectors(tangents):
     if tangents.shape[-1] == 1:
         return np.stack([tangents[..., 1, 0], -tangents[..., 0, 0]], axis=-1)
     return np.cross(tangents[..., 0], tangents[..., 1])
+
+
+def _determinants(jacobian):
+    """Return (...,) of matrices (..., dim, dim)."""
+    return (_area_vectors(jacobian[..., 1:]) * jacobian[..., 0]).sum(axis=-1)
 
 
 def outward_normals(mesh, facets):

@@ -28,6 +28,7 @@ class ElasticProblem(Uncoupled):
     """Everything one rank needs to run a scene of finite elements; the face of scene.problem.Problem.
 
     body : MeshBody. elasticity : Elasticity. nodes : Nodes. conditions : NodalConditions. sets : MeshSets. pieces : Pieces.
+    load_records : what run.json says of the forces.
     critical_dt : s, of central differences; infinite for implicit integration. make_stepper : function dt -> what advances.
     """
 
@@ -38,6 +39,7 @@ class ElasticProblem(Uncoupled):
     conditions: NodalConditions
     sets: MeshSets
     pieces: Pieces
+    load_records: List[dict]
     critical_dt: float
     dt: float
     n_steps: int
@@ -68,6 +70,7 @@ class ElasticProblem(Uncoupled):
             "dofs": mesh.n_global_vertices * self.elasticity.width,
             "integration": fem.integration,
             "moduli": self.scene.moduli,
+            "loads": self.load_records,
             "partition_of_unity": fem.partition_of_unity,
         }
 
@@ -102,7 +105,7 @@ def build_elastic(scene, comm):
     if explicit:
         nodes.set_mass(checked_locally(scene, comm, elasticity.lumped_mass, nodes.stars))
     sets = MeshSets(scene, body, comm)
-    loads, motions = make_loads(scene, sets, elasticity, nodes)
+    loads, motions, records = make_loads(scene, sets, elasticity, nodes)
     conditions = NodalConditions(nodes, loads, motions)
     set_initial_state(scene, sets, elasticity, nodes)
     if explicit:
@@ -115,7 +118,7 @@ def build_elastic(scene, comm):
     if scene.fem.integration == "static":
         _check_supports(scene, elasticity, conditions, pieces)
     dt, n_steps, warnings = step
-    return ElasticProblem(scene, body, elasticity, nodes, conditions, sets, pieces, critical, dt, n_steps, warnings + locking(scene), make_stepper)
+    return ElasticProblem(scene, body, elasticity, nodes, conditions, sets, pieces, records, critical, dt, n_steps, warnings + locking(scene), make_stepper)
 
 
 def _make_elasticity(scene, body):

@@ -2,8 +2,8 @@
 import numpy as np
 
 from pdhpc.conditions.loads import BodyForce, PrescribedMotion
-from pdhpc.fem.elements import ELEMENTS
-from pdhpc.fem.loads import body_loads, facets_of_set, facets_where, traction_loads, vertices_of
+from pdhpc.fem.loads import body_loads, body_loads_within, facets_of_set, facets_where, traction_loads, vertices_of
+from pdhpc.parallel.comm import exact_sum
 from pdhpc.scene.body import make_shape
 from pdhpc.scene.conditions import time_function
 from pdhpc.scene.sections import section
@@ -12,7 +12,6 @@ from pdhpc.scene.sentences import nearest
 _PIECE = 1 << 14  # cells looked at together: bounds the temporary memory
 _NUDGE = 1e-6  # of the way to the middle of a cell: on which side of a region's boundary something lies is asked a little inside of the cell
 _ALIGNED = 0.99  # cosine of the angle between a facet's normal and a face from which on the facet counts as part of it
-_SAMPLES = 8  # points along each axis of a cell that its share in a region is counted with
 
 
 class MeshSets:
@@ -33,26 +32,17 @@ class MeshSets:
                 allowed = f"a group of {scene.mesh.file} ({', '.join(known) or 'it has none'}){nearest(region.group, known)}"
                 raise scene.error(f"{section('region', number, region)}: group", f'"{region.group}"', allowed)
 
-    def shares(self, name, key):
-        """Return (n_cells,) float, the share of each local cell's volume in a region."""
+    def cells(self, name, key):
+        """Return (marks (n_cells,) bool, shape or None): local cells of a region's group or body, all of them or what of each lies in the shape."""
         region = self._region(name)
         if region is None:
-            return np.ones(len(self.mesh.cells))
-        if region.shape == "group":
-            if region.group not in self._of_cells:
-                allowed = f"a region of cells: {self.scene.mesh.file} has {', '.join(self._of_cells) or 'no groups of them'}"
-                raise self.scene.error(key, f'"{name}", whose group "{region.group}" is one of facets', allowed)
-            found = self._cells(region.group).astype(float)
-        else:
-            shape, found = make_shape(region), np.empty(len(self.mesh.cells))
-            points = _samples(self.mesh.kind)
-            functions = ELEMENTS[self.mesh.kind].shape(points)
-            for piece, corners in self._pieces():
-                places = np.einsum("qc,ncd->nqd", functions, corners)
-                found[piece] = shape.contains(places.reshape(-1, self.mesh.dim)).reshape(len(corners), -1).mean(axis=1)
-            found *= self._in_body(region)
-        self._hold(found[: self.mesh.n_owned_cells].any(), name, key, "cell")
-        return found
+            return np.ones(len(self.mesh.cells), bool), None
+        if region.shape != "group":
+            return self._in_body(region), make_shape(region)
+        if region.group not in self._of_cells:
+            allowed = f"a region of cells: {self.scene.mesh.file} has {', '.join(self._of_cells) or 'no groups of them'}"
+            raise self.scene.error(key, f'"{name}", whose group "{region.group}" is one of facets', allowed)
+        return self._cells(region.group), None
 
     def vertices(self, name, key):
         """Return (n_owned,) bool, owned vertices in a region: those of a group, or at which one of the cells around is within the region."""
@@ -70,29 +60,23 @@ class MeshSets:
                 nudged = corners + _NUDGE * (corners.mean(axis=1, keepdims=True) - corners)
                 inside[piece] = shape.contains(nudged.reshape(-1, mesh.dim)).reshape(len(corners), -1)
             found = self._marked(inside & self._in_body(region)[:, None])
-        self._hold(found.any(), name, key, "vertex")
+        self.hold(found.any(), name, key, "vertex")
         return found
 
     def facets(self, name, face, key):
-        """Return (facets, cell) on the surface, as fem.loads.facets_where, in a region and with the outward normal `face` ("+x", ...; None: any)."""
+        """Return (facets, cell, shape or None): facets on the surface, as fem.loads.facets_where, with the outward normal `face` ("+x", ...; None: any).
+
+        They are those of a region's group, or all of its body, of which a load takes what lies in the shape.
+        """
         region, mesh = self._region(name), self.mesh
         direction = np.zeros(mesh.dim)
         if face is not None:
             direction["xyz".index(face[1])] = 1.0 if face[0] == "+" else -1.0
-        inward = 1e-3 * _NUDGE * float(np.max(np.ptp(mesh.points, axis=0))) if len(mesh.points) else 0.0
-
-        def where(centres, normals):
-            chosen = np.ones(len(centres), bool) if face is None else normals @ direction > _ALIGNED
-            if region is not None and region.shape != "group":
-                chosen &= make_shape(region).contains(centres - inward * normals)
-            return chosen
-
-        facets, cell = facets_where(mesh, where)
-        if region is not None:
-            keep = self._in_body(region)[cell] if region.shape != "group" else self._in_group(region.group, facets, cell)
-            facets, cell = facets[keep], cell[keep]
-        self._hold(len(facets) > 0, name, key, "facet" if face is None else f"facet with the outward normal {face}")
-        return facets, cell
+        facets, cell = facets_where(mesh, lambda centres, normals: np.full(len(centres), face is None) | (normals @ direction > _ALIGNED))
+        if region is None:
+            return facets, cell, None
+        keep = self._in_body(region)[cell] if region.shape != "group" else self._in_group(region.group, facets, cell)
+        return facets[keep], cell[keep], make_shape(region) if region.shape != "group" else None
 
     def facets_between(self, members):
         """Return (n, facet corners): facets of owned cells on the surface whose vertices are all among the ranks' owned vertices `members`. Collective."""
@@ -144,27 +128,20 @@ class MeshSets:
             piece = slice(first, first + _PIECE)
             yield piece, self.mesh.points[self.mesh.cells[piece]]
 
-    def _hold(self, any_here, name, key, what):
+    def hold(self, any_here, name, key, what):
+        """Raise a SceneError of a region that selects no `what` on any rank."""
         if not self.comm.allreduce(int(any_here)):
-            raise self.scene.error(key, f'"{name}", which selects no {what} of the mesh', f"a region that holds at least one {what}")
-
-
-def _samples(kind):
-    """Return (n, dim) reference points, evenly spread over a cell."""
-    axis = (np.arange(_SAMPLES) + 0.5) / _SAMPLES
-    dim = ELEMENTS[kind].dim
-    points = np.stack(np.meshgrid(*[axis] * dim, indexing="ij"), axis=-1).reshape(-1, dim)
-    return points[points.sum(axis=1) < 1.0] if ELEMENTS[kind].simplex else points
+            raise self.scene.error(key, f'"{name}", which selects no {what} of the mesh', f"a region that holds at least one {what}, or a part of it")
 
 
 def make_loads(scene, sets, elasticity, nodes):
-    """Return ([BodyForce], [PrescribedMotion]) of a scene on owned vertices. Collective.
+    """Return ([BodyForce], [PrescribedMotion], [dict]) of a scene on owned vertices; the dicts say in run.json what the forces are in all. Collective.
 
     Raises
     ------
     SceneError, on every rank: a region without a cell, facet or vertex; two motions of one component of a vertex.
     """
-    loads, motions = [], []
+    loads, motions, records = [], [], []
     held = np.zeros((nodes.n_owned, scene.dim), bool)
     for number, load in enumerate(scene.load):
         key, function = f"{section('load', number, load)}: region", time_function(load.time)
@@ -176,10 +153,12 @@ def make_loads(scene, sets, elasticity, nodes):
             held[np.ix_(members, components)] = True
             motions += _motions(load, components, function, members, sets, elasticity, nodes)
         else:
-            forces = _nodal_forces(load, sets, elasticity, nodes, key)
+            forces, measure = (_tractions if load.type == "traction" else _body_forces)(load, sets, elasticity, nodes, key)
             loaded = np.flatnonzero(forces.any(axis=1))
             loads.append(BodyForce(nodes.owned_slots[loaded], forces[loaded], function))
-    return loads, motions
+            resultant = [exact_sum(sets.comm, forces[:, axis]) for axis in range(scene.dim)]
+            records.append({"name": load.name or number, "type": load.type, "resultant": resultant, **measure})
+    return loads, motions, records
 
 
 def _motions(load, components, function, members, sets, elasticity, nodes):
@@ -197,15 +176,25 @@ def _motions(load, components, function, members, sets, elasticity, nodes):
     return motions + [PrescribedMotion(rest, components, values, function, load.type)]
 
 
-def _nodal_forces(load, sets, elasticity, nodes, key):
-    """Return (n_owned, width), N, of a load at f = 1. Collective."""
-    value = np.asarray(load.value, float)
-    if load.type == "traction":
-        return traction_loads(elasticity, *sets.facets(load.region, load.face, key), value)
-    shares = sets.shares(load.region, key)
-    if load.type == "gravity":
-        shares = shares * elasticity.density[elasticity.kind]
-    return body_loads(elasticity, nodes.stars, shares[:, None] * value)
+def _tractions(load, sets, elasticity, nodes, key):
+    """Return ((n_owned, width), N, of a traction at f = 1, {"area": m^2 that it acts on}). Collective."""
+    on = sets.facets(load.region, load.face, key)
+    one = traction_loads(elasticity, on[0], on[1], np.eye(sets.mesh.dim)[0], on[2])
+    sets.hold(one.any(), load.region, key, "facet" if load.face is None else f"facet with the outward normal {load.face}")
+    return traction_loads(elasticity, on[0], on[1], np.asarray(load.value, float), on[2]), {"area": exact_sum(sets.comm, one[:, 0])}
+
+
+def _body_forces(load, sets, elasticity, nodes, key):
+    """Return ((n_owned, width), N, of a force density or of gravity at f = 1, {"volume": m^3 that it acts on}). Collective."""
+    marks, shape = sets.cells(load.region, key)
+
+    def integrated(density):
+        return body_loads(elasticity, nodes.stars, density) if shape is None else body_loads_within(elasticity, nodes.stars, density, shape)
+
+    one = integrated(marks[:, None] * np.eye(sets.mesh.dim)[0])
+    sets.hold(one.any(), load.region, key, "cell")
+    scale = marks * (elasticity.density[elasticity.kind] if load.type == "gravity" else 1.0)
+    return integrated(scale[:, None] * np.asarray(load.value, float)), {"volume": exact_sum(sets.comm, one[:, 0])}
 
 
 def set_initial_state(scene, sets, elasticity, nodes):

@@ -9,13 +9,14 @@ from pdhpc.fem.conditions import NodalConditions
 from pdhpc.fem.evaluate import nodal_stresses
 from pdhpc.fem.explicit import Explicit
 from pdhpc.fem.flat_top import FlatTop
-from pdhpc.fem.loads import facets_of_set, gravity_loads, nodal_load, traction_loads
+from pdhpc.fem.loads import body_loads_within, facets_of_set, gravity_loads, nodal_load, traction_loads
 from pdhpc.fem.newmark import Newmark
-from pdhpc.fem.nodes import Nodes
+from pdhpc.fem.nodes import Nodes, stars_of
 from pdhpc.fem.pieces import find_free_piece, find_pieces
 from pdhpc.fem.static import Static
 from pdhpc.fem.supports import Given, prescribe_on_facets
 from pdhpc.fem.vertex_matrix import VertexMatrix
+from pdhpc.geometry.shapes import Disk
 from pdhpc.observers.energies import Energies
 from pdhpc.parallel.noise import noise
 from pdhpc.study.verify.case import CASES
@@ -147,6 +148,21 @@ def test_sets_of_a_file_are_loaded_once(comm):
         total = comm.allreduce(np.linalg.norm(mesh.points[facets[:, 1]] - mesh.points[facets[:, 0]], axis=1).sum())
         pressure = traction_loads(solid(mesh), facets, cell, [1.0, 0.0])
         assert comm.allreduce(pressure[:, 0].sum()) == pytest.approx(total, rel=1e-12) and total > 0.0
+
+
+@pytest.mark.mpi(min_size=2)
+@pytest.mark.parametrize("name", MAKE)
+def test_parts_of_cells_and_facets_are_loaded_with_the_same_bits(comm, name):
+    """A ball (a disk in 2D) cuts cells and facets on all ranks."""
+    found = []
+    for each in (comm, MPI.COMM_SELF):
+        mesh = MAKE[name](each)
+        body, shape = solid(mesh), Disk((0.9, 0.6, 0.5)[: mesh.dim], 0.45)
+        density = np.repeat([[1.0, 2.0, 3.0][: mesh.dim]], len(mesh.cells), axis=0)
+        found.append((mesh, body_loads_within(body, stars_of(mesh), density, shape), traction_loads(body, *right(mesh), density[0], shape)))
+    rows = rows_of(found[1][0], found[0][0])
+    for place in (1, 2):
+        assert np.array_equal(found[0][place], found[1][place][rows]) and found[1][place].any()
 
 
 @pytest.mark.mpi(min_size=2)
