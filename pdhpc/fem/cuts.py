@@ -83,20 +83,18 @@ def _is_straight(element, corners):
 
 
 def _overlap(element, corners, cut, lower, upper):
-    """Return (chosen, low (n, d), high (n, d)): the straight elements of `cut` that reach into a box, and from where to where in reference coordinates."""
+    """Return (chosen, low (n, d), high (n, d)): the straight elements of `cut`, whose bounds a box reaches, that reach into it, and from where to where in reference coordinates."""
     start, edges = corners[cut, 0], _edges(element, corners[cut])
     low, high = np.zeros((len(cut), element.dim)), np.ones((len(cut), element.dim))
-    size, reached, rows = np.abs(edges).max(axis=(1, 2)), np.ones(len(cut), bool), np.arange(len(cut))
+    size, rows = np.abs(edges).max(axis=(1, 2)), np.arange(len(cut))
     for axis in range(start.shape[1]):
         along = np.abs(edges[:, axis]).argmax(axis=1)
         slope = edges[rows, axis, along]
         moves = np.abs(slope) > _SAME * size
-        ends = (np.stack([lower[axis] - start[:, axis], upper[axis] - start[:, axis]]) / np.where(moves, slope, 1.0))
+        ends = np.stack([lower[axis] - start[:, axis], upper[axis] - start[:, axis]]) / np.where(moves, slope, 1.0)
         low[rows, along] = np.where(moves, np.maximum(low[rows, along], ends.min(axis=0)), low[rows, along])
         high[rows, along] = np.where(moves, np.minimum(high[rows, along], ends.max(axis=0)), high[rows, along])
-        slack = _SAME * np.maximum(size, np.abs(start[:, axis]))
-        reached &= moves | ((start[:, axis] >= lower[axis] - slack) & (start[:, axis] <= upper[axis] + slack))
-    reached &= (high - low > _LEAST).all(axis=1)
+    reached = (high - low > _LEAST).all(axis=1)
     return cut[reached], low[reached], high[reached]
 
 
