@@ -41,6 +41,10 @@ def _parser():
     check.set_defaults(action=_check)
     view = commands.add_parser("view", help="draw pictures of a run")
     view.add_argument("directory", metavar="DIR")
+    view.add_argument("--frame", type=int, default=-1, metavar="K", help="the K-th frame, from 0; -1 is the last (default)")
+    view.add_argument("--from", default=None, metavar="AZ,EL", dest="direction", help="3D: where the camera stands, degrees from x towards y, and above (default -60,30)")
+    view.add_argument("--cut", default=None, metavar="x=PLACE", help="3D: plane of the cut, m, of x, y or z (default the middle of the body)")
+    view.add_argument("--above", type=float, default=None, metavar="DAMAGE", help="3D: least damage of what is drawn alone (default 0.35)")
     view.set_defaults(action=_view)
     verify = commands.add_parser("verify", help="run the named checks of the physics on this machine")
     verify.add_argument("names", metavar="NAME", nargs="*")
@@ -126,10 +130,11 @@ def _finish_on_root(scene, record, options):
         print_summary(record, options.output, pictures)
 
 
-def _draw(directory, scene):
+def _draw(directory, scene, **view):
+    from pdhpc.output.fracture_picture import View
     from pdhpc.output.picture import draw
 
-    return draw(directory, _curve_columns(scene, directory))
+    return draw(directory, _curve_columns(scene, directory), View(**view))
 
 
 def _curve_columns(scene, directory):
@@ -180,9 +185,44 @@ def _view(options):
     from pdhpc.scene.read import scene_from_dict
 
     scene = scene_from_dict(json.loads(record.read_text())["scene"], str(record))
-    for path in _draw(options.directory, scene):
+    for path in _draw(options.directory, scene, **_view_of(options, scene)):
         print(path)
     return 0
+
+
+def _view_of(options, scene):
+    """Return the fields of a View that the options name. Raises SceneError."""
+    from pathlib import Path
+
+    from pdhpc.output.fields import frame_times
+    from pdhpc.scene.read import SceneError
+
+    def refuse(option, found, allowed):
+        return SceneError(f"pdhpc view: {option} = {found}; allowed is {allowed}")
+
+    count = len(frame_times(options.directory)) if (Path(options.directory) / "fields.h5").exists() else 0
+    if count and not -count <= options.frame < count:
+        raise refuse("--frame", options.frame, f"0 to {count - 1}, the frames of this run, or -1 for the last")
+    view = {"frame": options.frame}
+    for option, found in (("--from", options.direction), ("--cut", options.cut), ("--above", options.above)):
+        if found is not None and scene.dim == 2:
+            raise refuse(option, found, "no such option for a body in two dimensions")
+    if options.direction is not None:
+        try:
+            view["azimuth"], view["elevation"] = (float(word) for word in options.direction.split(","))
+        except ValueError:
+            raise refuse("--from", f'"{options.direction}"', "two angles in degrees with a comma between, such as -60,30") from None
+    if options.cut is not None:
+        axis, _, place = options.cut.partition("=")
+        try:
+            view["cut"] = "xyz".index(axis.strip() or "?"), float(place)
+        except ValueError:
+            raise refuse("--cut", f'"{options.cut}"', "an axis and a place in m, such as x=0.01") from None
+    if options.above is not None:
+        if not 0.0 < options.above <= 1.0:
+            raise refuse("--above", options.above, "a damage above 0 and up to 1")
+        view["above"] = options.above
+    return view
 
 
 def _scale(options):

@@ -35,11 +35,11 @@ def _outer(cells):
     return facets[first[count == 1]]
 
 
-def draw_mesh(directory):
-    """Draw displacement, largest principal stress and the deformed mesh of the last frame, those there is data for; return their paths. Local."""
+def draw_mesh(directory, index=-1):
+    """Draw displacement, largest principal stress and the deformed mesh of the index-th frame, those there is data for; return their paths. Local."""
     directory = Path(directory)
     mesh = _Mesh(directory)
-    time, _, fields = read_frame(directory)
+    time, _, fields = read_frame(directory, index)
     when, drawn = f"t = {time_text(time)}", []
     u = fields.get("displacement")
     maps = []

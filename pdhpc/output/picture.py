@@ -1,6 +1,7 @@
 """Pictures of a run, drawn from its output files alone.
 
-Fields of particles are shown as pixels (output/pixels.py); 3D bodies as the largest value along each of the three axes.
+Fields of particles are shown as pixels (output/pixels.py); 3D bodies as the largest value along each of the three axes, their
+fracture as a camera sees it (output/fracture_picture.py).
 """
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import numpy as np
 from pdhpc.output.enrichment_picture import draw_enrichment
 from pdhpc.output.fields import frame_times
 from pdhpc.output.figure import INK, PAPER, dress, figure_of, length_unit, planes_of, rounded, save, squares, time_text, title_of
+from pdhpc.output.fracture_picture import View, draw_fracture
 from pdhpc.output.history import read_history
 from pdhpc.output.mesh_picture import draw_mesh
 from pdhpc.output.patches_picture import draw_patches
@@ -17,17 +19,17 @@ from pdhpc.output.pixels import PRECRACK_WORDS, Body, Frame, pixels_of, show_dam
 _MOST_SQUARES = 20_000  # particles up to which each is drawn where it is
 
 
-def draw(directory, curves=()):
+def draw(directory, curves=(), view=View()):
     """Draw every picture that the outputs in `directory` hold data for; return their paths. Local.
 
-    curves : [(name, x column, y column)] of history.csv.
+    curves : [(name, x column, y column)] of history.csv. view : View, which frame is drawn and how 3D bodies are looked at.
     """
     import matplotlib
 
     matplotlib.use("Agg")
     directory, drawn = Path(directory), []
     if (directory / "fields.h5").exists() and frame_times(directory):
-        drawn += draw_mesh(directory) if _has_cells(directory) else _draw_fields(directory)
+        drawn += draw_mesh(directory, view.frame) if _has_cells(directory) else _draw_fields(directory, view)
     if (directory / "history.csv").exists():
         drawn += _draw_history(directory, curves)
     return drawn + [picture for picture in (draw_patches(directory), draw_enrichment(directory)) if picture is not None]
@@ -41,10 +43,11 @@ def _has_cells(directory):
         return "cells" in file
 
 
-def _draw_fields(directory):
-    """Draw damage, displacement and the deformed shape of the last frame."""
-    body, frame = Body(directory), Frame(directory)
-    drawn = []
+def _draw_fields(directory, view):
+    """Draw damage, displacement and the deformed shape of one frame."""
+    body, frame = Body(directory), Frame(directory, view.frame)
+    fracture = draw_fracture(directory, view)
+    drawn = [] if fracture is None else [fracture]
     if "damage" in frame.names:
         drawn.append(_draw_damage(directory, body, frame))
     if "displacement" in frame.names:

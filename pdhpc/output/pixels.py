@@ -9,7 +9,7 @@ from pdhpc.output.figure import INK, crack_colours
 PRECRACK_WORDS = "   (black: pre-crack)"
 _CHUNK = 1 << 20
 _LONGEST_SIDE = 1600  # pixels
-_CUT = 0.25  # share of bonds that a pre-crack cut, above which a particle is drawn black
+CUT = 0.25  # share of bonds that a pre-crack cut, above which a particle is drawn black
 
 
 class Body:
@@ -107,6 +107,6 @@ def show_damage(axes, body, frame, plane, factor, least=None):
     if "precrack" in frame.names:
         cut, _ = pixels_of(body, frame, "precrack", plane)
         overlay = np.zeros(cut.shape + (4,))
-        overlay[np.nan_to_num(cut) > _CUT] = to_rgba(INK)
+        overlay[np.nan_to_num(cut) > CUT] = to_rgba(INK)
         axes.imshow(overlay, origin="lower", extent=extent, interpolation="nearest")
     return shown

@@ -59,6 +59,18 @@ def test_help_imports_nothing_heavy():
     assert done.stdout.strip() == "[]"
 
 
+def test_views_of_a_3d_body(tmp_path):
+    """Options of view change the picture; each that makes no sense is one sentence."""
+    scene = write(tmp_path, plate((8, 6, 4), dimension="3d"))
+    out = tmp_path / "out"
+    assert pdhpc("run", scene, "-o", out, "--set", "output.frames=2", "--set", "output.pictures=true").returncode == 0
+    before = (out / "fracture.png").read_bytes()
+    viewed = pdhpc("view", out, "--frame", "1", "--from", "20,40", "--cut", "x=1.0", "--above", "0.5")
+    assert viewed.returncode == 0 and "fracture.png" in viewed.stdout and (out / "fracture.png").read_bytes() != before
+    for words, wrong in ((("--frame", "9"), "0 to 1"), (("--from", "20"), "two angles"), (("--cut", "w=1"), "an axis and a place"), (("--above", "2"), "up to 1")):
+        is_one_sentence(pdhpc("view", out, *words), words[0], wrong)
+
+
 def test_run_and_view(tmp_path):
     scene = write(tmp_path, plate((8, 6)))
     done = pdhpc("run", scene, "-o", tmp_path / "out", "--set", "output.frames=2", "--set", "output.pictures=true", "--set", "title=A small plate")
@@ -69,6 +81,7 @@ def test_run_and_view(tmp_path):
     (tmp_path / "out" / "damage.png").unlink()
     viewed = pdhpc("view", tmp_path / "out")
     assert viewed.returncode == 0 and (tmp_path / "out" / "damage.png").exists() and "damage.png" in viewed.stdout
+    is_one_sentence(pdhpc("view", tmp_path / "out", "--cut", "x=1.0"), "--cut", "two dimensions")
     is_one_sentence(pdhpc("run", scene, "-o", tmp_path / "out"), "holds another run", "--overwrite")
 
 
