@@ -20,6 +20,7 @@ def print_summary(record, directory, pictures):
         *((name.replace("_", " "), f"{value:.6g} J") for name, value in record["energies"].items()),
         ("balance error", f"{record['balance_error_relative'] or 0:.2e} of the largest energy"),
         *((f"tip {name}", _tip(tip)) for name, tip in record["tips"].items()),
+        *_fragment_rows(record["fragments"]),
     ]
     print_rows(rows)
     for warning in record["warnings"]:
@@ -61,6 +62,11 @@ def _speed_rows(record):
     if record.get("ksp_iterations"):
         rows.append(("KSP iterations", f"{record['ksp_iterations']:,}"))
     return rows
+
+
+def _fragment_rows(found):
+    """Return the row that says how many fragments there are, if they were counted."""
+    return [] if found is None else [("fragments", f"{found['count']:,}, the heaviest {found['largest']:.1%} of the mass, dust {found['dust']:.1%}")]
 
 
 def _tip(tip):

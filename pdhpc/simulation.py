@@ -23,7 +23,7 @@ from pdhpc.parallel.linear_solver import SolverError, start_petsc
 from pdhpc.run import RunError, drive
 from pdhpc.scene.body import make_body
 from pdhpc.scene.build import build
-from pdhpc.scene.gauges import make_gauges
+from pdhpc.scene.gauges import make_fragments, make_gauges
 from pdhpc.scene.mesh_rules import unused
 from pdhpc.scene.read import parse_scene, read_text
 
@@ -36,7 +36,7 @@ class Simulation:
 
     Attributes
     ----------
-    scene : Scene. problem : this rank's share. stepper : what advances it, at its current step. energies, probes, tips : gauges.
+    scene : Scene. problem : this rank's share. stepper : what advances it, at its current step. energies, probes, tips, fragments : gauges.
     """
 
     def __init__(self, scene, comm=None):
@@ -50,6 +50,7 @@ class Simulation:
         with _solver_errors():
             self.stepper = self.problem.stepper()
         self.energies, self.probes, self.tips = make_gauges(self.problem, self.stepper.view, self.comm)
+        self.fragments = make_fragments(self.problem, self.comm)
         self.coupling = self.problem.coupling(self.stepper, self.comm)
         self.seconds = {"compile": compiled - started, "setup": time.perf_counter() - compiled}
         self.warnings = unused(scene) + list(self.problem.warnings)
@@ -103,13 +104,17 @@ class Simulation:
         coupling = [] if self.coupling is None else [self.coupling]
         if directory is not None:
             header = {"scene": scene.resolved(), "version": __version__, "ranks": self.comm.size}
-            observers.append(FieldOutput(FieldWriter(self.comm, directory, header), scene.output.fields, frames))
+            observers.append(FieldOutput(FieldWriter(self.comm, directory, header), scene.output.fields, frames, self._computed()))
             observers += problem.outputs(self.comm, directory)
-            gauges = [self.energies, *coupling, *self.probes, *self.tips]
+            gauges = [self.energies, *coupling, *self.probes, *self.tips, *([] if self.fragments is None else [self.fragments])]
             observers.append(HistoryOutput(History(Path(directory) / "history.csv", columns(gauges), self.comm), gauges, rows))
         else:
             observers.append(HistoryOutput(_Nowhere(), [self.energies, *coupling], [problem.n_steps]))
         return observers + [progress], progress
+
+    def _computed(self):
+        """Return {name: function that returns the field}, of fields that are found by an exchange."""
+        return {} if self.fragments is None else {"fragment": self.fragments.labels}
 
     def _write(self, directory, record):
         on_root(self.comm, write_json, Path(directory) / "run.json", record)
@@ -143,6 +148,7 @@ class Simulation:
             "energies": {name: value for name, value in self.energies.latest.items() if name != "broken_bonds"},
             "balance_error_relative": self.energies.relative_error() if self.energies.latest else None,
             "tips": {tip.settings.name: {"position": tip.position, "speed": tip.speed, "largest_speed": tip.largest_speed} for tip in self.tips},
+            "fragments": None if self.fragments is None or status != "done" else self.fragments.find(stepper),
             "warnings": self.warnings,
             "scene": self.scene.resolved(),
         }
@@ -208,7 +214,7 @@ def _compile_first_on_each_node(comm, scene):
 def _compile(scene, comm):
     """Compile the kernels that a scene uses; comm : of this process alone. Local."""
     from pdhpc.scene.mesh_warm_up import compile_coupled, compile_mesh
-    from pdhpc.warm_up import compile_coupling, compile_kernels
+    from pdhpc.warm_up import compile_coupling, compile_fragments, compile_kernels
 
     if scene.uses_mesh:
         (compile_mesh if scene.model == "fem" else compile_coupled)(scene, comm)
@@ -217,3 +223,5 @@ def _compile(scene, comm):
         compile_kernels((scene.dim,), (path,), (model,), (linear,))
         if scene.method != "single":
             compile_coupling(scene.dim, path, model, linear)
+        if scene.fragments is not None:
+            compile_fragments(scene.dim, path)

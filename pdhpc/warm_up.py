@@ -10,6 +10,7 @@ from pdhpc.geometry.lattice import LatticeBody, find_common_lattice
 from pdhpc.geometry.shapes import Box
 from pdhpc.kernels import motion, shared
 from pdhpc.kernels.bond_states import count_face, foremost_damaged
+from pdhpc.kernels.fragments import join_intact, lower_labels
 from pdhpc.kernels.neighbours import count_neighbours
 from pdhpc.kernels.overlap import words_of
 from pdhpc.materials.bond_based import BondBased
@@ -72,6 +73,16 @@ def compile_kernels(dims=(2, 3), paths=PATHS, models=MODELS, kinematics=(False, 
     """Call every kernel of a run once for each choice of dimension, path, model and kinematics (linear or not). Local."""
     for choice in itertools.product(dims, paths, models, kinematics):
         _compile(*choice)
+
+
+def compile_fragments(dim, path):
+    """Call the kernels that count fragments once. Local."""
+    subdomain, _ = block(dim, 4, 2.0, path=path)
+    slots, label = subdomain.particles.slots, np.full(len(subdomain.particles.position), -1, np.int64)
+    parent = np.full(len(label), -1, np.int32)
+    join_intact(subdomain.bonds.arrays, slots, label, parent, np.empty(len(slots), bool))
+    lower_labels(subdomain.bonds.arrays, slots, slots[:1], label, parent)
+    compile_messages(label[:, None])
 
 
 def compile_coupling(dim, path, model, linear):

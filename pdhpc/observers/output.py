@@ -7,8 +7,9 @@ from pdhpc.run import Observer
 class FieldOutput(Observer):
     """Write the fields of all particles at the listed steps, the initial and the final state included."""
 
-    def __init__(self, writer, names, steps):
-        self.writer, self.names, self.steps = writer, names, steps
+    def __init__(self, writer, names, steps, computed=None):
+        """computed : {name: function () -> field}, Collective, of fields that the view does not have."""
+        self.writer, self.names, self.steps, self.computed = writer, names, steps, computed or {}
         self._last = None
 
     def start(self, stepper):
@@ -20,8 +21,11 @@ class FieldOutput(Observer):
     def observe(self, stepper):
         """Write one frame. Collective."""
         stepper.view.prepare()
-        self.writer.write_frame(stepper.step, stepper.time, {name: stepper.view.field(name) for name in self.names})
+        self.writer.write_frame(stepper.step, stepper.time, {name: self._field(stepper, name) for name in self.names})
         self._last = stepper.step
+
+    def _field(self, stepper, name):
+        return self.computed[name]() if name in self.computed else stepper.view.field(name)
 
     def finish(self, stepper):
         """Write the final state unless it is there. Collective."""

@@ -1,6 +1,7 @@
-"""Scene -> what history.csv records: energies, probes and crack tips."""
+"""Scene -> what history.csv records: energies, probes, crack tips and fragments."""
 from pdhpc.observers.crack_tip import CrackTip
 from pdhpc.observers.energies import Energies
+from pdhpc.observers.fragments import Fragments
 from pdhpc.observers.probes import Probe, nearest_point
 
 
@@ -19,3 +20,9 @@ def make_gauges(problem, view, comm):
         members = problem.members(view, comm, tip.region, f"tip '{tip.name}': region")
         tips.append(CrackTip(comm, tip, members, view, problem.dt))
     return Energies(comm), probes, tips
+
+
+def make_fragments(problem, comm):
+    """Return the Fragments of a problem of particles, None if its scene does not ask for them. Collective."""
+    settings = problem.scene.fragments
+    return None if settings is None else Fragments(comm, settings, problem.parts[0], problem.body.law.density)

@@ -30,6 +30,7 @@ def check(scene):
     _check_output(scene)
     _check_probes(scene)
     _check_curves_and_tips(scene)
+    _check_fragments(scene)
 
 
 def _check_particles(scene):
@@ -268,3 +269,14 @@ def _check_curves_and_tips(scene):
         within(where, check_direction, "direction", tip.direction, scene.dim)
         if tip.window > scene.time.end and "window" in tip.model_fields_set:
             raise Rule(f"{where}: window", tip.window, f"at most time.end = {scene.time.end:g} s")
+
+
+def _check_fragments(scene):
+    if scene.fragments is None:
+        if "fragment" in scene.output.fields:
+            raise Rule("output.fields", '"fragment" without a table [fragments]', "a table [fragments], which may be empty, or other fields")
+        return
+    if scene.uses_mesh:
+        raise Rule("fragments", f'a table beside model = "{scene.model}"', 'no such table, or model = "particles"')
+    if scene.method != "single":
+        raise Rule("fragments", f'a table beside time.method = "{scene.method}"', 'no such table, or one step for the whole body (time.method = "single")')

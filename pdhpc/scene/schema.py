@@ -21,7 +21,7 @@ COMPONENTS = {
 KIND = {
     **dict.fromkeys(("displacement", "velocity", "force_density", "reaction"), "vector"), **dict.fromkeys(("stress", "strain"), "tensor"), "damage": "scalar",
 }
-FieldName = Literal["displacement", "velocity", "damage", "precrack", "force_density", "stress", "strain", "strain_energy_density", "active"]
+FieldName = Literal["displacement", "velocity", "damage", "precrack", "force_density", "stress", "strain", "strain_energy_density", "active", "fragment"]
 
 
 class Particles(Table):
@@ -90,7 +90,7 @@ class Output(Table):
     every: Optional[Positive] = key("interval between frames of fields", "s", default=None)
     frames: Optional[Whole] = key("number of evenly spaced frames after t = 0 (default 20, unless every or times is given)", "1", default=None)
     times: Optional[Numbers] = key("times of frames, increasing", "s", default=None)
-    fields: Annotated[List[FieldName], Filled] = key("fields of each frame; active: 1 where a particle moves by itself, not as elements do", default=["displacement", "damage"])
+    fields: Annotated[List[FieldName], Filled] = key("fields of each frame; active: 1 where a particle moves by itself, not as elements do; fragment: lowest id in it, -1 for dust", default=["displacement", "damage"])
     history_every: Optional[Positive] = key("interval between rows of history.csv, beside those at the frames", "s", default=None)
     pictures: Flag = key("draw pictures at the end", default=True)
 
@@ -121,6 +121,13 @@ class Tip(Table):
     region: Name = key("region the tip is looked for in", default="all")
     threshold: Fraction = key("damage grown since the start that counts as cracked", "1", default=0.35)
     window: Positive = key("time over which the speed is averaged", "s", default=1e-6)
+
+
+class Fragments(Table):
+    """Count what holds together by intact bonds."""
+
+    damage: Fraction = key("damage grown since the start beyond which a particle belongs to no fragment: it is dust", "1", default=0.35)
+    particles: Whole = key("least number of particles of a fragment; smaller ones are dust", "1", default=10)
 
 
 class SceneError(ValueError):
@@ -156,6 +163,7 @@ class Scene(Table):
     probe: Annotated[List[Probe], Listed] = key("probes", default=[])
     curve: Annotated[List[Curve], Listed] = key("curves drawn from probes", default=[])
     tip: Annotated[List[Tip], Listed] = key("crack tips to follow", default=[])
+    fragments: Optional[Fragments] = key("fragments to count", default=None)
     _source: str = PrivateAttr(default="scene")
 
     @model_validator(mode="before")

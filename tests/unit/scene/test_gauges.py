@@ -1,6 +1,6 @@
 import pytest
 
-from pdhpc.scene.gauges import make_gauges
+from pdhpc.scene.gauges import make_fragments, make_gauges
 from pdhpc.scene.schema import SceneError
 from pdhpc.study.verify.case import plate, problem_of
 
@@ -20,3 +20,9 @@ def test_a_region_without_a_particle_is_refused(comm):
     problem = problem_of(plate((4, 4), extra=extra))
     with pytest.raises(SceneError, match="tip 't': region = \"r\", which selects no particle"):
         make_gauges(problem, problem.stepper().view, comm)
+
+
+def test_fragments_are_counted_when_asked_for(comm):
+    assert make_fragments(problem_of(plate((4, 4))), comm) is None
+    found = make_fragments(problem_of(plate((4, 4), extra="[fragments]\nparticles = 3\ndamage = 0.5\n")), comm)
+    assert (found.settings.particles, found.settings.damage) == (3, 0.5) and found.mass == 16.0

@@ -37,6 +37,9 @@ def test_the_bases_are_valid():
 
 
 @pytest.mark.parametrize("extra, overrides, words", [
+    ("", ["output.fields=['fragment']"], ["output.fields", "without a table [fragments]"]),
+    ("[fine]\nshape = 'box'\nlower = [0.0, 0.0]\nupper = [2.0, 2.0]\n[fragments]\n", [], ["fragments", 'time.method = "mts"', "one step for the whole body"]),
+    ("[fragments]\ndamage = 1.5\n", [], ["fragments", "damage"]),
     ("", ["particles.horizon=0.9"], ["--set particles.horizon=0.9: particles.horizon = 0.9", "at least 2 spacings, 1 m"]),
     ("", ["particles.horizon=500.0"], ["at most 100 spacings"]),
     ("", ["particles.path=grid"], ['particles.path = "grid"', '"auto", "lattice", "cloud"']),
