@@ -214,13 +214,14 @@ def _compile_first_on_each_node(comm, scene):
 def _compile(scene, comm):
     """Compile the kernels that a scene uses; comm : of this process alone. Local."""
     from pdhpc.scene.mesh_warm_up import compile_coupled, compile_mesh
-    from pdhpc.warm_up import compile_coupling, compile_fragments, compile_kernels
+    from pdhpc.warm_up import compile_coupling, compile_fragments, compile_kernels, variant_of
 
     if scene.uses_mesh:
         (compile_mesh if scene.model == "fem" else compile_coupled)(scene, comm)
     if scene.model != "fem":
-        path, model, linear = make_body(scene).path.split(":")[0], scene.material[0].model, scene.particles.kinematics == "linear"
-        compile_kernels((scene.dim,), (path,), (model,), (linear,))
+        body = make_body(scene)
+        path, model, linear = body.path.split(":")[0], scene.material[0].model, scene.particles.kinematics == "linear"
+        compile_kernels((scene.dim,), (path,), (model,), (linear,), variant_of(body.law, scene.particles.surface_correction))
         if scene.method != "single":
             compile_coupling(scene.dim, path, model, linear)
         if scene.fragments is not None:

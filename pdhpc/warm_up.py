@@ -1,5 +1,6 @@
 """Compile the kernels of a run on a tiny body, so that one process per node fills the cache before the others read it."""
 import itertools
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,7 +15,8 @@ from pdhpc.kernels.fragments import join_intact, lower_labels
 from pdhpc.kernels.neighbours import count_neighbours
 from pdhpc.kernels.overlap import words_of
 from pdhpc.materials.bond_based import BondBased
-from pdhpc.materials.law import Setting
+from pdhpc.materials.failure import EnergyLimit, PairEnergyLimit, SoftenedLimit
+from pdhpc.materials.law import PairWeighting, Setting
 from pdhpc.materials.state_based import LinearSolid
 from pdhpc.mts import decomposition
 from pdhpc.mts.interface import CommonBonds, Copies, Interface
@@ -29,6 +31,7 @@ from pdhpc.peridynamics.fields import field, strain_energy_density
 from pdhpc.peridynamics.internal_forces import InternalForces
 from pdhpc.peridynamics.lattice_subdomain import make_lattice_subdomain, sample_lattice
 from pdhpc.peridynamics.subdomain import make_subdomain, mark_mixed
+from pdhpc.peridynamics.surface import correct_surfaces
 
 PATHS, MODELS = ("lattice", "cloud"), ("pmb", "lps")
 
@@ -48,13 +51,37 @@ class NoGhosts:
     refresh = accumulate = free = finish_refresh
 
 
-def block(dim, cells, ratio, linear=False, path="lattice", model="pmb", influence="constant"):
+class Variant(NamedTuple):
+    """Which kernels of a law and storage a scene uses beside the plain ones.
+
+    horizons : they differ between bodies. correction : of surfaces, a name. failure : "stretch" or "energy". softening : of the critical stretch. influence : a
+    name, for measuring.
+    """
+
+    horizons: bool = False
+    correction: str = "none"
+    failure: str = "stretch"
+    softening: float = 0.0
+    influence: str = "constant"
+
+
+def variant_of(law, correction):
+    """Return the Variant of a law and the name of a surface correction."""
+    energy = isinstance(law.failure, (EnergyLimit, PairEnergyLimit))
+    return Variant(isinstance(law.weighting, PairWeighting), correction, "energy" if energy else "stretch", float(isinstance(law.failure, SoftenedLimit)))
+
+
+def block(dim, cells, ratio, linear=False, path="lattice", model="pmb", variant=Variant()):
     """Return (Subdomain, law) of a small cube of `cells` per side, family radius `ratio` spacings: for warming up and for measuring kernels. Local."""
     spacing = 1e-3
     bodies = [LatticeBody(Box((0.0,) * dim, (cells * spacing,) * dim), spacing, 0)]
-    setting = Setting("3d" if dim == 3 else "plane_stress", ratio * spacing, 1.0, influence, spacing, "none", linear)
-    material = BondBased("steel", 7800.0, 200e9, 1e4) if model == "pmb" else LinearSolid("steel", 7800.0, 160e9, 80e9, 1e4)
-    law = type(material).law([(material, True)], setting)
+    setting = Setting("3d" if dim == 3 else "plane_stress", ratio * spacing, 1.0, variant.influence, spacing, "none", linear)
+    kind, moduli = (BondBased, (200e9,)) if model == "pmb" else (LinearSolid, (160e9, 80e9))
+    material = kind("steel", 7800.0, *moduli, 1e4, failure=variant.failure, stretch_softening=variant.softening)
+    blocks, settings = [(material, True)], [setting]
+    if variant.horizons:
+        blocks, settings = 2 * blocks, [setting, setting._replace(horizon=0.9 * setting.horizon)]
+    law = kind.law(blocks, settings)
     whole = Partition(np.empty(0, np.int64), np.empty(0), np.empty((0, 2), np.int64), 1)
     radius = ratio * (1 + 1e-9) * spacing
 
@@ -64,15 +91,17 @@ def block(dim, cells, ratio, linear=False, path="lattice", model="pmb", influenc
     if path == "lattice":
         subdomain = make_lattice_subdomain(bodies, find_common_lattice(bodies)[0], whole, 0, radius, describe, law, linear)
     else:
-        subdomain = make_subdomain(bodies, whole, 0, radius, describe, linear)
+        subdomain = make_subdomain(bodies, whole, 0, np.array([[radius]]) if variant.horizons else radius, describe, linear)
+    if variant.correction != "none":
+        correct_surfaces(subdomain, law, blocks, settings, NoGhosts, variant.correction)
     subdomain.make_state(law)
     return subdomain, law
 
 
-def compile_kernels(dims=(2, 3), paths=PATHS, models=MODELS, kinematics=(False, True)):
+def compile_kernels(dims=(2, 3), paths=PATHS, models=MODELS, kinematics=(False, True), variant=Variant()):
     """Call every kernel of a run once for each choice of dimension, path, model and kinematics (linear or not). Local."""
     for choice in itertools.product(dims, paths, models, kinematics):
-        _compile(*choice)
+        _compile(*choice, variant)
 
 
 def compile_fragments(dim, path):
@@ -125,8 +154,8 @@ class NoExchange:
         return NoGhosts(field)
 
 
-def _compile(dim, path, model, linear):
-    subdomain, law = block(dim, 4, 2.0, linear, path, model)
+def _compile(dim, path, model, linear, variant):
+    subdomain, law = block(dim, 4, 2.0, linear, path, model, variant)
     particles, arrays, points = subdomain.particles, subdomain.bonds.arrays, subdomain.points
     slots = particles.slots
     if path == "lattice":

@@ -117,12 +117,12 @@ def rates():
     import numpy as np
 
     from pdhpc.peridynamics.internal_forces import InternalForces
-    from pdhpc.warm_up import NoGhosts, block
+    from pdhpc.warm_up import NoGhosts, Variant, block
 
     calls = {}
     for path in ("lattice", "cloud"):
         for model in ("pmb", "lps"):
-            subdomain, law = block(3, SIDE, 3.0, False, path, model, "inverse_distance" if model == "lps" else "constant")
+            subdomain, law = block(3, SIDE, 3.0, False, path, model, Variant(influence="inverse_distance" if model == "lps" else "constant"))
             particles = subdomain.particles
             particles.put(particles.displacement, 1e-5 * subdomain.places())
             particles.place()

@@ -128,7 +128,7 @@ def blended_forces_by_bond(bonds, points, law, third, rows, alpha, moving, force
                 if is_alive(bonds, i, k):
                     j = neighbour(bonds, i, k)
                     _, stretch, shrink, dx, dy, dz = bond_strain(bonds, points, i, j, k, True, third)
-                    weight = bond_weight(law, inverse_length(bonds, i, k))
+                    weight = bond_weight(law, law.weighting, inverse_length(bonds, i, k))
                     tension = pull(law, near_end(law, points, None, i, j), far_end(law, None, j), weight, stretch, shrink)
                     along = (dx, dy, dz)
                     for d in range(dim):
@@ -155,7 +155,7 @@ def blended_energies(bonds, points, law, third, slots, alpha, energy):
             if is_alive(bonds, i, k):
                 j = neighbour(bonds, i, k)
                 stretch = bond_strain(bonds, points, i, j, k, True, third)[1]
-                part = moment_weight(law, inverse_length(bonds, i, k)) * points.volume[j]
+                part = moment_weight(law, law.weighting, inverse_length(bonds, i, k)) * points.volume[j]
                 total += 0.5 * (alpha[i] + alpha[j]) * bond_energy(law, near_end(law, points, None, i, j), part, stretch)
         energy[n] = total
 
@@ -228,7 +228,7 @@ def lattice_moduli(bonds, points, law, third, slots, result):
                 else:
                     z = bonds.vector[k, 2] * inv_l
                     v[0], v[1], v[2], v[3], v[4], v[5] = x * x, y * y, z * z, y * z, x * z, x * y
-                part = 2.0 * bond_energy(law, near_end(law, points, None, i, j), moment_weight(law, inv_l) * points.volume[j], 1.0)
+                part = 2.0 * bond_energy(law, near_end(law, points, None, i, j), moment_weight(law, law.weighting, inv_l) * points.volume[j], 1.0)
                 for a in range(result.shape[1]):
                     for b in range(result.shape[1]):
                         result[n, a, b] += part * v[a] * v[b]

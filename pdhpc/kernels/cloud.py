@@ -7,64 +7,100 @@ import numpy as np
 
 from pdhpc.jit import implements, inlined
 from pdhpc.kernels import family, reference
+from pdhpc.kernels.failure import beyond_of_eight, limit_of_block, strained_of_eight
 from pdhpc.kernels.family import MIXED
-from pdhpc.kernels.neighbours import BondArrays
+from pdhpc.kernels.neighbours import BondArrays, CorrectedArrays
 from pdhpc.kernels.simd import LANES, any_of, at, both, either, fma, gather_xy, gather_xyz, lane_mask, lane_sum, load8, root8, rsqrt8, select, splat
 from pdhpc.materials.bond_based import BondBasedLaw
-from pdhpc.materials.law import bond_weight, moment_weight, near_end, pull
+from pdhpc.materials.law import bond_weight, moment_weight, near_end, pull, weighting_between
 from pdhpc.materials.state_based import LinearSolidLaw
 
 _BITS = np.array([bin(byte).count("1") for byte in range(256)], dtype=np.uint8)
 
 
-@implements(family.first_bond, BondArrays)
-def _first_bond(bonds, i):
-    return bonds.row_start[i]
+def _store(record):
+    """Let rows of neighbours answer what sweeps ask of bonds."""
+
+    @implements(family.first_bond, record)
+    def _first_bond(bonds, i):
+        return bonds.row_start[i]
+
+    @implements(family.end_of_bonds, record)
+    def _end_of_bonds(bonds, i):
+        return bonds.row_start[i + 1]
+
+    @implements(family.neighbour, record)
+    def _neighbour(bonds, i, k):
+        return bonds.neighbour[k]
+
+    @implements(family.is_alive, record)
+    def _is_alive(bonds, i, k):
+        return (bonds.alive[k >> 3] >> np.uint8(k & 7)) & np.uint8(1) != 0
+
+    @implements(family.break_bond, record)
+    def _break_bond(bonds, i, k):
+        bonds.alive[k >> 3] &= ~np.uint8(1 << (k & 7))
+
+    @implements(family.count_alive, record)
+    def _count_alive(bonds, i):
+        """Rows fill whole bytes."""
+        total = 0
+        for byte in range(bonds.row_start[i] >> 3, bonds.row_start[i + 1] >> 3):
+            total += _BITS[bonds.alive[byte]]
+        return total
+
+    @implements(family.inverse_length, record)
+    def _inverse_length(bonds, i, k):
+        return bonds.inv_length[k]
+
+    @implements(family.reference_vector, record)
+    def _reference_vector(bonds, points, i, j, k, third):
+        dz = 0.0 if third is None else points.reference[j, 2] - points.reference[i, 2]
+        return points.reference[j, 0] - points.reference[i, 0], points.reference[j, 1] - points.reference[i, 1], dz
+
+    @implements(family.place, record)
+    def _place(bonds, points, i):
+        return points.reference[i, 0], points.reference[i, 1], points.reference[i, 2] if points.reference.shape[1] > 2 else 0.0
+
+    @implements(family.row_width, record)
+    def _row_width(bonds):
+        return 1
+
+    @implements(family.over_mass, record)
+    def _over_mass(bonds, i):
+        return 1.0
+
+    @implements(family.over_energy, record)
+    def _over_energy(bonds, i):
+        return 1.0
+
+    @implements(family.force_row, record)
+    def _force_row(bonds, i, points, law, state, linear, third, force_density):
+        if points.row_block[i] == MIXED:
+            return reference.force_on(bonds, i, points, law, state, linear, third, force_density)
+        return force_of_row(bonds, None, i, points, law, state, linear, third, force_density)
+
+    @implements(family.dilatation_row, record)
+    def _dilatation_row(bonds, i, points, law, state, linear, third):
+        if points.row_block[i] == MIXED:
+            return reference.dilatation_of(bonds, i, points, law, state, linear, third)
+        return dilatation_of_row(bonds, None, i, points, law, state, linear, third)
+
+    @implements(family.energy_row, record)
+    def _energy_row(bonds, i, points, law, state, linear, third, energy):
+        reference.energy_of(bonds, i, points, law, state, linear, third, energy)
+
+    @implements(family.frequency_row, record)
+    def _frequency_row(bonds, i, points, law, state, third):
+        return reference.frequency_of(bonds, i, points, law, state, third)
 
 
-@implements(family.end_of_bonds, BondArrays)
-def _end_of_bonds(bonds, i):
-    return bonds.row_start[i + 1]
+for _record in (BondArrays, CorrectedArrays):
+    _store(_record)
 
 
-@implements(family.neighbour, BondArrays)
-def _neighbour(bonds, i, k):
-    return bonds.neighbour[k]
-
-
-@implements(family.is_alive, BondArrays)
-def _is_alive(bonds, i, k):
-    return (bonds.alive[k >> 3] >> np.uint8(k & 7)) & np.uint8(1) != 0
-
-
-@implements(family.break_bond, BondArrays)
-def _break_bond(bonds, i, k):
-    bonds.alive[k >> 3] &= ~np.uint8(1 << (k & 7))
-
-
-@implements(family.count_alive, BondArrays)
-def _count_alive(bonds, i):
-    """Rows fill whole bytes."""
-    total = 0
-    for byte in range(bonds.row_start[i] >> 3, bonds.row_start[i + 1] >> 3):
-        total += _BITS[bonds.alive[byte]]
-    return total
-
-
-@implements(family.inverse_length, BondArrays)
-def _inverse_length(bonds, i, k):
-    return bonds.inv_length[k]
-
-
-@implements(family.reference_vector, BondArrays)
-def _reference_vector(bonds, points, i, j, k, third):
-    dz = 0.0 if third is None else points.reference[j, 2] - points.reference[i, 2]
-    return points.reference[j, 0] - points.reference[i, 0], points.reference[j, 1] - points.reference[i, 1], dz
-
-
-@implements(family.place, BondArrays)
-def _place(bonds, points, i):
-    return points.reference[i, 0], points.reference[i, 1], points.reference[i, 2] if points.reference.shape[1] > 2 else 0.0
+def corrected(bonds, k, tension):
+    """Return the pulls of eight bonds from slot k on with the surface correction of the storage."""
 
 
 @implements(family.share, BondArrays)
@@ -72,26 +108,19 @@ def _share(bonds, i, k):
     return 1.0
 
 
-@implements(family.row_width, BondArrays)
-def _row_width(bonds):
-    return 1
+@implements(corrected, BondArrays)
+def _not_corrected(bonds, k, tension):
+    return tension
 
 
-@implements(family.over_mass, BondArrays)
-def _over_mass(bonds, i):
-    return 1.0
+@implements(family.share, CorrectedArrays)
+def _surface_factor(bonds, i, k):
+    return bonds.factor[k]
 
 
-@implements(family.over_energy, BondArrays)
-def _over_energy(bonds, i):
-    return 1.0
-
-
-@implements(family.force_row, BondArrays)
-def _force_row(bonds, i, points, law, state, linear, third, force_density):
-    if points.row_block[i] == MIXED:
-        return reference.force_on(bonds, i, points, law, state, linear, third, force_density)
-    return force_of_row(bonds, None, i, points, law, state, linear, third, force_density)
+@implements(corrected, CorrectedArrays)
+def _corrected(bonds, k, tension):
+    return tension * load8(bonds.factor, k)
 
 
 @inlined
@@ -100,13 +129,14 @@ def force_of_row(bonds, shares, i, points, law, state, linear, third, force_dens
     block = points.row_block[i]
     near = near_end(law, points, state, i, i)
     fx, fy, fz, beyond = splat(0.0), splat(0.0), splat(0.0), lane_mask(np.uint8(0))
-    limit = law.break_at[block, block]
+    limit, weighting = limit_of_block(law.failure, law, block), weighting_between(law.weighting, block, block)
     for k in range(bonds.row_start[i], bonds.row_start[i + 1], LANES):
         live = lane_mask(at(bonds.alive, k >> 3))
         inv_l = load8(bonds.inv_length, k)
         measure, stretch, shrink, dx, dy, dz = _strains(bonds, i, k, points, inv_l, linear, third)
-        tension = pull(law, near, far_ends(law, state, bonds, k), bond_weight(law, inv_l), stretch, shrink)
-        beyond = either(beyond, both(live, measure > limit))
+        far = far_ends(law, state, bonds, k)
+        tension = corrected(bonds, k, pull(law, near, far, bond_weight(law, weighting, inv_l), stretch, shrink))
+        beyond = either(beyond, both(live, beyond_of_eight(law.failure, law, limit, weighting, near, far, inv_l, measure, linear)))
         if shares is not None:
             tension = tension * load8(shares.weight, shares.row_start[shares.row[i]] + k - bonds.row_start[i])
         fx, fy = select(live, fma(tension, dx, fx), fx), select(live, fma(tension, dy, fy), fy)
@@ -122,18 +152,12 @@ def force_of_row(bonds, shares, i, points, law, state, linear, third, force_dens
     return any_of(beyond)
 
 
-@implements(family.dilatation_row, BondArrays)
-def _dilatation_row(bonds, i, points, law, state, linear, third):
-    if points.row_block[i] == MIXED:
-        return reference.dilatation_of(bonds, i, points, law, state, linear, third)
-    return dilatation_of_row(bonds, None, i, points, law, state, linear, third)
-
-
 @inlined
 def dilatation_of_row(bonds, shares, i, points, law, state, linear, third):
     """Set p of a particle; `shares` as of force_of_row."""
     block = points.row_block[i]
-    total, beyond, limit = splat(0.0), lane_mask(np.uint8(0)), law.break_at[block, block]
+    total, beyond = splat(0.0), lane_mask(np.uint8(0))
+    limit, weighting = limit_of_block(law.failure, law, block), weighting_between(law.weighting, block, block)
     for k in range(bonds.row_start[i], bonds.row_start[i + 1], LANES):
         live = lane_mask(at(bonds.alive, k >> 3))
         inv_l = load8(bonds.inv_length, k)
@@ -141,23 +165,13 @@ def dilatation_of_row(bonds, shares, i, points, law, state, linear, third):
         extension = measure if linear is not None else root8(measure) - 1.0
         if shares is not None:
             extension = extension * load8(shares.weight, shares.row_start[shares.row[i]] + k - bonds.row_start[i])
-        total = select(live, fma(moment_weight(law, inv_l), extension, total), total)
-        beyond = either(beyond, both(live, measure > limit))
+        total = select(live, fma(moment_weight(law, weighting, inv_l), extension, total), total)
+        beyond = either(beyond, both(live, strained_of_eight(law.failure, limit, measure)))
     volume = points.volume[i]
     if shares is not None:
         volume = volume * shares.over_energy[shares.row[i]]
     state[i, 1] = law.volumetric[block] * state[i, 0] * state[i, 0] * lane_sum(total) * volume
     return any_of(beyond)
-
-
-@implements(family.energy_row, BondArrays)
-def _energy_row(bonds, i, points, law, state, linear, third, energy):
-    reference.energy_of(bonds, i, points, law, state, linear, third, energy)
-
-
-@implements(family.frequency_row, BondArrays)
-def _frequency_row(bonds, i, points, law, state, third):
-    return reference.frequency_of(bonds, i, points, law, state, third)
 
 
 @inlined

@@ -21,7 +21,8 @@ class PointArrays(NamedTuple):
 
     reference (n, width), m (of a cloud; empty in a lattice); position (n, width), m: current positions (finite kinematics) or displacements (linear); width 2
     in 2D; in 3D 4 in a cloud, so that a row is one load, and 3 in a lattice, where each component lies together;
-    volume (n,), m^3; block (n,) uint8; row_block (n_owned,) uint8, of a cloud: the block of the whole row, or MIXED.
+    volume (n,), m^3; block (n,) uint8; row_block (n_owned,) uint8, of a cloud: the block of the whole row, or MIXED;
+    raised (n,): by how much compression raises the critical stretch of a particle, of materials that soften so (materials/failure.py), else empty.
     """
 
     reference: np.ndarray
@@ -29,6 +30,7 @@ class PointArrays(NamedTuple):
     volume: np.ndarray
     block: np.ndarray
     row_block: np.ndarray
+    raised: np.ndarray = np.empty(0)
 
 
 def first_bond(bonds, i):

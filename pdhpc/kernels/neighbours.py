@@ -27,6 +27,16 @@ class BondArrays(NamedTuple):
     alive: np.ndarray
 
 
+class CorrectedArrays(NamedTuple):
+    """As BondArrays, with factor (n_slots,) of each bond's micromodulus: the surface correction (kernels/surface.py)."""
+
+    row_start: np.ndarray
+    neighbour: np.ndarray
+    inv_length: np.ndarray
+    alive: np.ndarray
+    factor: np.ndarray
+
+
 class _Cells(NamedTuple):
     lower: np.ndarray  # (3,) m
     per_length: float  # cells per metre
@@ -72,14 +82,15 @@ def _sort_into_cells(points, lower, per_length, counts):
 
 
 @kernel
-def _search(points, n_rows, cells, radius2, ids, row_start, neighbour, inv_length, counts):
+def _search(points, n_rows, cells, radius2, group, reach2, ids, row_start, neighbour, inv_length, counts):
     """Count (neighbour empty) or store the neighbours of the first n_rows points, sorted by id, and their inverse lengths.
 
+    group (n,), reach2 (n_groups, n_groups), m^2: the radius by pairs of groups, radius2 the largest; both empty where it is one for all.
     Of each column of cells along z only the stretch that the ball around the point reaches is read.
     """
     lower, per_length, position, start_of, order = cells.lower, cells.per_length, cells.position, cells.start, cells.order
     nx, ny, nz = cells.counts[0], cells.counts[1], cells.counts[2]
-    storing, flat = len(neighbour) > 0, points.shape[1] == 2
+    storing, flat, one_radius = len(neighbour) > 0, points.shape[1] == 2, len(group) == 0
     size, radius = 1.0 / per_length, np.sqrt(radius2)
     for i in range(n_rows):
         px, py, pz = points[i, 0], points[i, 1], 0.0 if flat else points[i, 2]
@@ -97,13 +108,13 @@ def _search(points, n_rows, cells, radius2, ids, row_start, neighbour, inv_lengt
                 if not storing:
                     for s in range(start, stop):
                         dx, dy, dz = position[s, 0] - px, position[s, 1] - py, position[s, 2] - pz
-                        found += dx * dx + dy * dy + dz * dz <= radius2
+                        found += dx * dx + dy * dy + dz * dz <= (radius2 if one_radius else reach2[group[i], group[order[s]]])
                     continue
                 for s in range(start, stop):
                     dx, dy, dz = position[s, 0] - px, position[s, 1] - py, position[s, 2] - pz
                     distance2 = dx * dx + dy * dy + dz * dz
                     j = order[s]
-                    if distance2 <= radius2 and j != i:
+                    if j != i and distance2 <= (radius2 if one_radius else reach2[group[i], group[j]]):
                         slot = first + found
                         while slot > first and ids[neighbour[slot - 1]] > ids[j]:
                             neighbour[slot], inv_length[slot] = neighbour[slot - 1], inv_length[slot - 1]
@@ -125,28 +136,42 @@ def _finish_rows(row_start, counts, neighbour, inv_length, alive):
             neighbour[k], inv_length[k] = neighbour[first], inv_length[first]
 
 
-def count_neighbours(points, n_rows, radius):
-    """Return (n_rows,) int32: how many points lie within the radius of each of the first n_rows points (n, dim), m. Local."""
+def _radii(radius, group):
+    """Return (the largest radius, m, group, squares of radii by pairs of groups, m^2) as _search takes them."""
+    if np.ndim(radius) == 0:
+        return float(radius), np.empty(0, np.int32), np.empty((0, 0))
+    table = np.asarray(radius, dtype=float)
+    return float(table.max()), np.asarray(group, dtype=np.int32), table**2
+
+
+def count_neighbours(points, n_rows, radius, group=None):
+    """Return (n_rows,) int32: how many points lie within the radius of each of the first n_rows points (n, dim), m. Local.
+
+    radius : m, or a symmetric table (n_groups, n_groups) of radii by pairs of groups; group : (n,) of the points, with a table. Groups at radius 0 only see
+    points at the same place.
+    """
+    largest, group, reach2 = _radii(radius, group)
     counts = np.empty(n_rows, np.int32)
     nothing = np.empty(0, np.int64)
-    _search(points, n_rows, _cell_list(points, radius), radius**2, nothing, nothing, np.empty(0, np.int32), np.empty(0), counts)
+    _search(points, n_rows, _cell_list(points, largest), largest**2, group, reach2, nothing, nothing, np.empty(0, np.int32), np.empty(0), counts)
     return counts
 
 
-def find_bonds(points, ids, n_rows, radius):
+def find_bonds(points, ids, n_rows, radius, group=None):
     """Return (BondArrays, family sizes) of the first n_rows points, all bonds alive. Local.
 
     Parameters
     ----------
-    points : (n, dim) m; ids : (n,) int64 global ids, distinct; radius : m.
+    points : (n, dim) m; ids : (n,) int64 global ids, distinct; radius, group : as of count_neighbours.
     """
-    counts = count_neighbours(points, n_rows, radius)
+    counts = count_neighbours(points, n_rows, radius, group)
+    largest, group, reach2 = _radii(radius, group)
     row_start = np.zeros(n_rows + 1, np.int64)
     np.cumsum((counts.astype(np.int64) + LANES - 1) // LANES * LANES, out=row_start[1:])
     slots = int(row_start[-1])
     bonds = BondArrays(row_start, np.empty(slots, np.int32), np.empty(slots), np.zeros(slots // LANES, np.uint8))
     if slots:
-        _search(points, n_rows, _cell_list(points, radius), radius**2, ids, row_start, bonds.neighbour, bonds.inv_length, counts)
+        _search(points, n_rows, _cell_list(points, largest), largest**2, group, reach2, ids, row_start, bonds.neighbour, bonds.inv_length, counts)
         _finish_rows(row_start, counts, bonds.neighbour, bonds.inv_length, bonds.alive)
     return bonds, counts
 

@@ -207,14 +207,14 @@ def break_bits(bonds, shares, points, law, state, linear, third, slots, inside, 
                 measure, stretch, shrink, dx, dy, dz = bond_strain(bonds, points, i, j, k, linear, third)
                 c, p = moduli(law, near, far_end(law, state, j))
                 part = share(shares, i, k) * points.volume[j]
-                tension = bond_weight(law, inv_l) * (c * stretch + p * shrink) * part * over_mass(shares, i)
+                tension = bond_weight(law, law.weighting, inv_l) * (c * stretch + p * shrink) * part * over_mass(shares, i)
                 force_density[i, 0] -= tension * dx
                 force_density[i, 1] -= tension * dy
                 if third is not None:
                     force_density[i, 2] -= tension * dz
                 s = measure if linear is not None else np.sqrt(measure) - 1.0
                 at = released_stretch(law, s, law.critical_stretch[points.block[i], points.block[j]])
-                dissipated[i] += points.volume[i] * bond_energy(law, near, moment_weight(law, inv_l) * part, at)
+                dissipated[i] += points.volume[i] * bond_energy(law, near, moment_weight(law, law.weighting, inv_l) * part, at)
                 break_bond(bonds, i, k)
                 broken += 1
     return broken

@@ -4,11 +4,14 @@ It agrees with them to rounding, takes over where the vector unit is too old or 
 several blocks or volumes, the bonds of marked particles, and the bonds that break.
 """
 from pdhpc.jit import inlined, sweep
+from pdhpc.kernels.failure import fails, fails_by_strain, limit_stretch
 from pdhpc.kernels.family import (
     bond_strain, break_bond, end_of_bonds, first_bond, inverse_length, is_alive, neighbour, over_energy, over_mass, reference_vector, row_width, share,
     stretch_of,
 )
-from pdhpc.materials.law import bond_energy, bond_weight, far_end, moduli, moment_weight, near_end, pull, released_stretch, spherical_part, stiffness, volume_energy
+from pdhpc.materials.law import (
+    bond_energy, bond_weight, far_end, moduli, moment_weight, near_end, pull, released_stretch, spherical_part, stiffness, volume_energy, weighting_between,
+)
 
 
 @sweep
@@ -44,9 +47,10 @@ def force_on(bonds, i, points, law, state, linear, third, force_density):
             continue
         j = neighbour(bonds, i, k)
         measure, stretch, shrink, dx, dy, dz = bond_strain(bonds, points, i, j, k, linear, third)
-        weight = bond_weight(law, inverse_length(bonds, i, k)) * share(bonds, i, k)
+        inv_l, weighting = inverse_length(bonds, i, k), weighting_between(law.weighting, points.block[i], points.block[j])
+        weight = bond_weight(law, weighting, inv_l) * share(bonds, i, k)
         tension = pull(law, near_end(law, points, state, i, j), far_end(law, state, j), weight, stretch, shrink) * points.volume[j]
-        beyond |= measure > law.break_at[points.block[i], points.block[j]]
+        beyond |= fails(law.failure, law, points, state, i, j, inv_l, measure, linear)
         fx += tension * dx
         fy += tension * dy
         fz += tension * dz
@@ -67,9 +71,9 @@ def dilatation_of(bonds, i, points, law, state, linear, third):
             continue
         j = neighbour(bonds, i, k)
         measure, _, _, _, _, _ = bond_strain(bonds, points, i, j, k, linear, third)
-        inv_l = inverse_length(bonds, i, k)
-        total += moment_weight(law, inv_l) * share(bonds, i, k) * stretch_of(measure, linear) * points.volume[j]
-        beyond |= measure > law.break_at[points.block[i], points.block[j]]
+        inv_l, weighting = inverse_length(bonds, i, k), weighting_between(law.weighting, points.block[i], points.block[j])
+        total += moment_weight(law, weighting, inv_l) * share(bonds, i, k) * stretch_of(measure, linear) * points.volume[j]
+        beyond |= fails_by_strain(law.failure, law, points, i, j, inv_l, measure, linear)
     block = points.block[i]
     total *= over_energy(bonds, i)
     state[i, 1] = law.volumetric[block] * state[i, 0] * state[i, 0] * total if block < len(law.volumetric) else 0.0
@@ -84,7 +88,9 @@ def energy_of(bonds, i, points, law, state, linear, third, energy):
         if is_alive(bonds, i, k):
             j = neighbour(bonds, i, k)
             measure, _, _, _, _, _ = bond_strain(bonds, points, i, j, k, linear, third)
-            s, moment = stretch_of(measure, linear), moment_weight(law, inverse_length(bonds, i, k)) * share(bonds, i, k) * points.volume[j]
+            weighting = weighting_between(law.weighting, points.block[i], points.block[j])
+            moment = moment_weight(law, weighting, inverse_length(bonds, i, k)) * share(bonds, i, k) * points.volume[j]
+            s = stretch_of(measure, linear)
             total += bond_energy(law, near_end(law, points, state, i, j), moment, s)
             extended += moment * s
     block = points.block[i]
@@ -104,7 +110,8 @@ def frequency_of(bonds, i, points, law, state, third):
         j, inv_l = neighbour(bonds, i, k), inverse_length(bonds, i, k)
         x, y, z = reference_vector(bonds, points, i, j, k, third)
         c, _ = moduli(law, near_end(law, points, state, i, j), far_end(law, state, j))
-        part = stiffness(law, block, c) * bond_weight(law, inv_l) * share(bonds, i, k) * points.volume[j] * inv_l * inv_l
+        weighting = weighting_between(law.weighting, block, points.block[j])
+        part = stiffness(law, block, c) * bond_weight(law, weighting, inv_l) * share(bonds, i, k) * points.volume[j] * inv_l * inv_l
         xx, yy, zz = xx + part * x * x, yy + part * y * y, zz + part * z * z
         xy, xz, yz = xy + part * x * y, xz + part * x * z, yz + part * y * z
     largest = max(xx + abs(xy) + abs(xz), max(yy + abs(xy) + abs(yz), zz + abs(xz) + abs(yz)))
@@ -126,12 +133,12 @@ def break_row(bonds, i, points, law, state, linear, third, dissipated):
         j = neighbour(bonds, i, k)
         measure, _, _, _, _, _ = bond_strain(bonds, points, i, j, k, linear, third)
         s, inv_l = stretch_of(measure, linear), inverse_length(bonds, i, k)
-        moment = moment_weight(law, inv_l) * share(bonds, i, k)
+        moment = moment_weight(law, weighting_between(law.weighting, block, points.block[j]), inv_l) * share(bonds, i, k)
         part = moment * s * points.volume[j]
         before += part
-        if measure > law.break_at[block, points.block[j]]:
+        if fails(law.failure, law, points, state, i, j, inv_l, measure, linear):
             break_bond(bonds, i, k)
-            at = released_stretch(law, s, law.critical_stretch[block, points.block[j]])
+            at = released_stretch(law, s, limit_stretch(law.failure, law, points, i, j, inv_l))
             released += bond_energy(law, near_end(law, points, state, i, j), moment, at) * points.volume[j]
             broken += 1
         else:

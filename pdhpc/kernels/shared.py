@@ -16,7 +16,7 @@ from pdhpc.kernels.family import MIXED
 from pdhpc.kernels.lattice import LatticeArrays, dilatation_of_eight, energy_of_eight, force_of_eight, frequency_of_eight
 from pdhpc.kernels.reference import dilatation_of, energy_of, force_on, frequency_of
 from pdhpc.kernels.simd import LANES
-from pdhpc.materials.law import bond_weight, far_end, moduli, near_end
+from pdhpc.materials.law import bond_weight, far_end, moduli, near_end, weighting_between
 
 
 class CloudShares(NamedTuple):
@@ -104,7 +104,8 @@ def stiffnesses(bonds, points, law, state, slots, result):
             if family.is_alive(bonds, i, k):
                 j = family.neighbour(bonds, i, k)
                 c, _ = moduli(law, near_end(law, points, state, i, j), far_end(law, state, j))
-                total += c * bond_weight(law, family.inverse_length(bonds, i, k)) * family.share(bonds, i, k) * points.volume[j]
+                weighting = weighting_between(law.weighting, points.block[i], points.block[j])
+                total += c * bond_weight(law, weighting, family.inverse_length(bonds, i, k)) * family.share(bonds, i, k) * points.volume[j]
         result[n] = total
 
 

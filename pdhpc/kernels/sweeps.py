@@ -6,11 +6,11 @@ from pdhpc.jit import sweep
 from pdhpc.kernels import cloud, lattice, reference, shared  # noqa: F401  (they fill the functions of family.py in)
 from pdhpc.kernels.family import (
     bond_strain, dilatation_row, end_of_bonds, energy_row, first_bond, force_row, frequency_row, inverse_length, is_alive, neighbour, place,
-    reference_vector, row_width, share,
+    reference_vector, row_width, share, stretch_of,
 )
 from pdhpc.kernels.reference import break_row
 from pdhpc.kernels.simd import chosen
-from pdhpc.materials.law import bond_weight, far_end, moment_weight, near_end, pull
+from pdhpc.materials.law import bond_weight, far_end, moment_weight, near_end, pull, weighting_between
 
 
 @sweep
@@ -56,6 +56,28 @@ def dilatations(bonds, points, law, state, linear, third, rows, dissipated):
 
 if chosen() == "reference":
     bond_forces, dilatations = reference.bond_forces, reference.dilatations
+
+
+@sweep
+def smallest_stretches(bonds, points, law, state, linear, third, rows, dissipated):
+    """Compute raised_i = -alpha min(0, min_j s_ij), of points, over intact bonds: by how much compression raises the critical stretch of each particle.
+
+    Parameters as of bond_forces; law.failure: SoftenedLimit. Bonds that break are stretched, so that it does not matter whether they count.
+
+    Returns
+    -------
+    int, 0: no bond breaks here.
+    """
+    softening = law.failure.softening
+    for t in range(len(rows)):
+        for i in range(rows[t], rows[t] + row_width(bonds)):
+            block, least = points.block[i], 0.0 if linear is not None else 1.0  # the measure of an unstretched bond
+            for k in range(first_bond(bonds, i), end_of_bonds(bonds, i)):
+                if is_alive(bonds, i, k):
+                    measure, _, _, _, _, _ = bond_strain(bonds, points, i, neighbour(bonds, i, k), k, linear, third)
+                    least = min(least, measure)
+            points.raised[i] = softening[block] * (0.0 - stretch_of(least, linear)) if block < len(softening) else 0.0
+    return 0
 
 
 @sweep
@@ -110,7 +132,8 @@ def stress(bonds, points, law, state, linear, third, slots, result):
             if is_alive(bonds, i, k):
                 j = neighbour(bonds, i, k)
                 measure, stretch, shrink, dx, dy, dz = bond_strain(bonds, points, i, j, k, linear, third)
-                weight = bond_weight(law, inverse_length(bonds, i, k)) * share(bonds, i, k)
+                weighting = weighting_between(law.weighting, points.block[i], points.block[j])
+                weight = bond_weight(law, weighting, inverse_length(bonds, i, k)) * share(bonds, i, k)
                 tension = 0.5 * pull(law, near_end(law, points, state, i, j), far_end(law, state, j), weight, stretch, shrink) * points.volume[j]
                 along, xi = (dx, dy, dz), reference_vector(bonds, points, i, j, k, third)
                 for b in range(dim):
@@ -132,7 +155,8 @@ def deformation_moments(bonds, points, law, third, slots, shape, moment):
         for k in range(first_bond(bonds, i), end_of_bonds(bonds, i)):
             if is_alive(bonds, i, k):
                 j, inv_l = neighbour(bonds, i, k), inverse_length(bonds, i, k)
-                weight = bond_weight(law, inv_l) * share(bonds, i, k) * points.volume[j] / inv_l
+                weighting = weighting_between(law.weighting, points.block[i], points.block[j])
+                weight = bond_weight(law, weighting, inv_l) * share(bonds, i, k) * points.volume[j] / inv_l
                 xi = reference_vector(bonds, points, i, j, k, third)
                 for b in range(dim):
                     for a in range(dim):
@@ -156,8 +180,9 @@ def weighted_volumes(bonds, points, law, slots, state):
         i, m = slots[n], 0.0
         for k in range(first_bond(bonds, i), end_of_bonds(bonds, i)):
             if is_alive(bonds, i, k):
-                inv_l = inverse_length(bonds, i, k)
-                m += moment_weight(law, inv_l) * points.volume[neighbour(bonds, i, k)]
+                j = neighbour(bonds, i, k)
+                weighting = weighting_between(law.weighting, points.block[i], points.block[j])
+                m += moment_weight(law, weighting, inverse_length(bonds, i, k)) * points.volume[j]
         state[i, 0] = law.deviatoric[points.block[i]] / m if m > 0.0 else 0.0
 
 

@@ -7,8 +7,9 @@ import numpy as np
 
 from pdhpc.jit import implements
 from pdhpc.materials import law as laws
-from pdhpc.materials.influence import moment
-from pdhpc.materials.law import Weighting, influence_over_length, make_weighting, stretch_limits
+from pdhpc.materials.failure import EnergyLimit, critical_pair_energy, stretch_failure
+from pdhpc.materials.influence import largest_first_moment, moment
+from pdhpc.materials.law import Weighting, influence_over_length, make_weightings, of_pairs, reach_of, settings_of, smaller_where_both_fail, stretch_limits
 
 POISSONS_RATIO = {"plane_stress": 1 / 3, "plane_strain": 1 / 4, "3d": 1 / 4}
 """Poisson's ratio that central forces of equal micromodulus in all directions impose."""
@@ -30,13 +31,15 @@ class BondBasedLaw(NamedTuple):
     critical_stretch: np.ndarray
     break_at: np.ndarray
     density: np.ndarray
-    weighting: Weighting
+    weighting: Weighting  # or PairWeighting
+    failure: object  # of materials/failure.py
 
 
 @dataclass(frozen=True)
 class BondBased:
     """Parameters of a PMB material: pair force density t = c omega(r) beta(r) s along the deformed bond, s = (|y'| - r)/r, until s exceeds s0.
 
+    failure : "stretch" or, in the place of s0, "energy"; stretch_softening : alpha; see materials/failure.py.
     youngs_modulus, Pa; density, kg/m^3; energy_release_rate, J/m^2, or critical_stretch: at most one of them; neither means that bonds never break.
     Exchanged fields: positions (refresh), nothing else.
     """
@@ -46,6 +49,8 @@ class BondBased:
     youngs_modulus: float
     energy_release_rate: Optional[float] = None
     critical_stretch: Optional[float] = None
+    failure: str = "stretch"
+    stretch_softening: float = 0.0
 
     formula = CRITICAL_STRETCH_FORMULA
 
@@ -78,26 +83,36 @@ class BondBased:
 
     @staticmethod
     def law(blocks, setting):
-        """Return the BondBasedLaw of a list of blocks [(BondBased, may_fail)].
+        """Return the BondBasedLaw of a list of blocks [(BondBased, may_fail)]; setting: a Setting, or a list of one for each block where horizons differ.
 
-        A bond between two materials is two half-bonds in series: c = 2 c_i c_j / (c_i + c_j).
+        A bond between two materials is two half-bonds in series: c = 2 c_i c_j / (c_i + c_j), both at the horizon of the bond, the mean of its ends'.
         """
-        c = np.array([material.micromodulus(setting) for material, _ in blocks])
-        pairs = np.where(c[:, None] == c[None, :], c[:, None], 2 * c[:, None] * c[None, :] / (c[:, None] + c[None, :]))
+        own = of_pairs(blocks, setting, lambda material, between: material.micromodulus(between))
+        pairs = np.where(own == own.T, own, 2 * own * own.T / (own + own.T))
         density = np.array([material.density for material, _ in blocks])
-        return BondBasedLaw(pairs, *stretch_limits(blocks, setting), density, make_weighting(setting))
+        limits = energy_limits(blocks, setting) if blocks[0][0].failure == "energy" else (*stretch_limits(blocks, setting), stretch_failure(blocks))
+        return BondBasedLaw(pairs, *limits[:2], density, make_weightings(settings_of(blocks, setting)), limits[2])
+
+
+def energy_limits(blocks, setting):
+    """Return (critical_stretch, break_at, EnergyLimit) of blocks: the first two are those of the bond that breaks first, a little less, below which none does."""
+    square = smaller_where_both_fail(blocks, of_pairs(
+        blocks, setting, lambda material, between: 2 * critical_pair_energy(between, material.energy_release_rate) / material.micromodulus(between)))
+    largest = of_pairs(blocks, setting, lambda material, between: largest_first_moment(between.influence, between.horizon, reach_of(between)))
+    first = np.sqrt(square / largest) * (1 - 1e-9)
+    return first, first if settings_of(blocks, setting)[0].linear else (1.0 + first) ** 2, EnergyLimit(square)
 
 
 @implements(laws.bond_weight, BondBasedLaw)
-def _bond_weight(law, inv_length):
+def _bond_weight(law, weighting, inv_length):
     """omega beta / r, 1/m."""
-    return influence_over_length(law.weighting, inv_length)
+    return influence_over_length(weighting, inv_length)
 
 
 @implements(laws.moment_weight, BondBasedLaw)
-def _moment_weight(law, inv_length):
+def _moment_weight(law, weighting, inv_length):
     """omega beta r."""
-    return influence_over_length(law.weighting, inv_length) / (inv_length * inv_length)
+    return influence_over_length(weighting, inv_length) / (inv_length * inv_length)
 
 
 @implements(laws.modulus, BondBasedLaw)

@@ -8,7 +8,8 @@ import numpy as np
 from pdhpc.jit import implements
 from pdhpc.materials import law as laws
 from pdhpc.materials.influence import moment, value
-from pdhpc.materials.law import Weighting, influence, influence_over_length, make_weighting, stretch_limits
+from pdhpc.materials.failure import PairEnergyLimit, critical_pair_energy, stretch_failure
+from pdhpc.materials.law import Weighting, influence, influence_over_length, make_weightings, of_pairs, settings_of, smaller_where_both_fail, stretch_limits
 
 CRITICAL_STRETCH_FORMULA = {
     "plane_stress": "s0 = sqrt(G_c / (8 G I4/(pi I3) + (k - 2 G) D)), D = int (2 m_z/m)^2 dz; k = E/(2 (1 - nu))",
@@ -37,7 +38,8 @@ class LinearSolidLaw(NamedTuple):
     critical_stretch: np.ndarray
     break_at: np.ndarray
     density: np.ndarray
-    weighting: Weighting
+    weighting: Weighting  # or PairWeighting
+    failure: object  # of materials/failure.py
 
 
 @dataclass(frozen=True)
@@ -50,6 +52,7 @@ class LinearSolid:
     3D: d = 3, k = K (Silling et al. 2007, eq. 105); 2D: d = 2, k = K + G/3 in plane strain, k = E/(2 (1 - nu)) in plane stress. Broken bonds leave the sums,
     m stays that of the initial family; t is then still the exact derivative of W = (k - (d+2)G/d) theta^2/2 + d(d+2)G/(2m) sum omega e^2 V.
     bulk_modulus, shear_modulus (of 3D), Pa; density, kg/m^3; energy_release_rate, J/m^2, or critical_stretch, or neither.
+    failure : "stretch" or "energy"; stretch_softening : alpha; see materials/failure.py.
     Exchanged fields: positions and p_i, see LinearSolidLaw (refresh).
     """
 
@@ -59,6 +62,8 @@ class LinearSolid:
     shear_modulus: float
     energy_release_rate: Optional[float] = None
     critical_stretch: Optional[float] = None
+    failure: str = "stretch"
+    stretch_softening: float = 0.0
 
     formula = CRITICAL_STRETCH_FORMULA
 
@@ -96,16 +101,29 @@ class LinearSolid:
 
     @staticmethod
     def law(blocks, setting):
-        """Return the LinearSolidLaw of a list of blocks [(LinearSolid, may_fail)]; at a bond between two materials each end adds its own t."""
-        dim = 3 if setting.dimension == "3d" else 2
-        bulk = np.array([material.bulk(setting) for material, _ in blocks])
+        """Return the LinearSolidLaw of a list of blocks [(LinearSolid, may_fail)]; setting as of BondBased.law.
+
+        At a bond between two materials each end adds its own t; the weighted volumes of both count it by the weighting of the bond.
+        """
+        settings = settings_of(blocks, setting)
+        dim = 3 if settings[0].dimension == "3d" else 2
+        bulk = np.array([material.bulk(settings[0]) for material, _ in blocks])
         shear = np.array([material.shear_modulus for material, _ in blocks])
         deviatoric = dim * (dim + 2) * shear
         volumetric = dim * (dim * bulk - (dim + 2) * shear) / deviatoric**2
         spherical = (bulk - (dim + 2) / dim * shear) * (dim / deviatoric) ** 2
         bound = np.maximum(1.0, dim**2 * bulk / deviatoric)
         density = np.array([material.density for material, _ in blocks])
-        return LinearSolidLaw(deviatoric, volumetric, spherical, bound, dim / deviatoric, *stretch_limits(blocks, setting), density, make_weighting(setting))
+        limits = energy_limits(blocks, setting) if blocks[0][0].failure == "energy" else (*stretch_limits(blocks, setting), stretch_failure(blocks))
+        return LinearSolidLaw(deviatoric, volumetric, spherical, bound, dim / deviatoric, *limits[:2], density, make_weightings(settings), limits[2])
+
+
+def energy_limits(blocks, setting):
+    """Return (critical_stretch, break_at, PairEnergyLimit) of blocks: the first two say that bonds which may break do so when stretched, others never."""
+    energy = smaller_where_both_fail(blocks, of_pairs(
+        blocks, setting, lambda material, between: critical_pair_energy(between, material.energy_release_rate)))
+    stretched = np.where(np.isfinite(energy), 0.0, np.inf)
+    return stretched, stretched if settings_of(blocks, setting)[0].linear else (1.0 + stretched) ** 2, PairEnergyLimit(energy)
 
 
 def _cut_dilatation(influence, horizon, dim):
@@ -121,15 +139,15 @@ def _cut_dilatation(influence, horizon, dim):
 
 
 @implements(laws.bond_weight, LinearSolidLaw)
-def _bond_weight(law, inv_length):
+def _bond_weight(law, weighting, inv_length):
     """omega beta."""
-    return influence(law.weighting, inv_length)
+    return influence(weighting, inv_length)
 
 
 @implements(laws.moment_weight, LinearSolidLaw)
-def _moment_weight(law, inv_length):
+def _moment_weight(law, weighting, inv_length):
     """omega beta r^2."""
-    return influence_over_length(law.weighting, inv_length) / (inv_length * inv_length * inv_length)
+    return influence_over_length(weighting, inv_length) / (inv_length * inv_length * inv_length)
 
 
 @implements(laws.modulus, LinearSolidLaw)

@@ -48,16 +48,16 @@ class Bonds:
         return 1.0 - self.initial_size / np.maximum(self.family_size, 1) - (self.family_size == 0)
 
 
-def find_families(reference, ids, n_owned, radius):
+def find_families(reference, ids, n_owned, radius, group=None):
     """Return (Bonds of the owned particles, keep): keep marks the points that are owned or somebody's neighbour. Local.
 
-    The neighbours in the bonds are numbered after dropping the points that are not kept.
+    The neighbours in the bonds are numbered after dropping the points that are not kept. radius, group : as of kernels.neighbours.count_neighbours.
 
     Raises
     ------
     ValueError: two particles at the same place.
     """
-    arrays, sizes = find_bonds(reference, ids, n_owned, radius)
+    arrays, sizes = find_bonds(reference, ids, n_owned, radius, group)
     if not np.all(np.isfinite(arrays.inv_length)):
         raise ValueError("two particles lie at the same place: bodies overlap")
     keep = mark_used(arrays.neighbour, len(ids))

@@ -9,6 +9,8 @@ class InternalForces:
 
         refresh positions of ghosts;  state-based laws: p_i of each particle, refresh p of ghosts;  f_i.
 
+    Where compression raises critical stretches, a sweep for these and their message come first.
+
     Attributes
     ----------
     seconds : {"force", "exchange", "wait"}: in sweeps, packing and posting messages, and waiting for them.
@@ -23,11 +25,12 @@ class InternalForces:
         particles = subdomain.particles
         self._positions = bind(particles.position[:, : particles.dim])
         self._pressures = None if subdomain.state is None else bind(subdomain.state[:, 1:2])
+        self._limits = bind(subdomain.points.raised.reshape(-1, 1)) if len(subdomain.points.raised) else None
 
     @property
     def bytes_sent(self):
         """Bytes that this rank sends per evaluation."""
-        return sum(ghosts.bytes_sent for ghosts in (self._positions, self._pressures) if ghosts is not None)
+        return sum(ghosts.bytes_sent for ghosts in (self._positions, self._pressures, self._limits) if ghosts is not None)
 
     def evaluate(self):
         """Store the force densities of the owned particles; return the number of directed bonds that broke. Collective over neighbours."""
@@ -41,11 +44,14 @@ class InternalForces:
 
         The number of yields depends on `count` alone: ranks that mix pieces with other exchanges in one order cannot wait for each other for ever.
         """
-        force_density = self.subdomain.particles.force_density
+        force_density, fresh = self.subdomain.particles.force_density, self._positions
+        if self._limits is not None:
+            yield from self._sweep(1, self._positions, sweeps.smallest_stretches)
+            fresh = self._limits
         if self._pressures is None:
-            yield from self._sweep(count, self._positions, sweeps.bond_forces, force_density)
+            yield from self._sweep(count, fresh, sweeps.bond_forces, force_density)
         else:
-            yield from self._sweep(max(1, count // 2), self._positions, sweeps.dilatations)
+            yield from self._sweep(max(1, count // 2), fresh, sweeps.dilatations)
             yield from self._sweep(max(1, count - count // 2), self._pressures, sweeps.bond_forces, force_density)
         self.bond_evaluations += self.subdomain.bonds.n_directed
 

@@ -193,9 +193,9 @@ def _weights(law, inv_length, length, cell_volume, weight, weight_length, moment
     """
     last = len(weight) - 1
     for k in range(len(inv_length)):
-        weight[last, k] = bond_weight(law, inv_length[k]) * cell_volume
+        weight[last, k] = bond_weight(law, law.weighting, inv_length[k]) * cell_volume
         weight_length[last, k] = weight[last, k] * length[k]
-        moments[k] = moment_weight(law, inv_length[k]) * cell_volume
+        moments[k] = moment_weight(law, law.weighting, inv_length[k]) * cell_volume
         for block in range(last):
             weight[block, k] = weight[last, k] * modulus(law, block)
             weight_length[block, k] = weight_length[last, k] * modulus(law, block)

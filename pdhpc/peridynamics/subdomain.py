@@ -5,7 +5,7 @@ from pdhpc.geometry.lattice import points_of_bodies
 from pdhpc.jit import kernel
 from pdhpc.kernels import sweeps
 from pdhpc.kernels.family import MIXED, PointArrays
-from pdhpc.kernels.neighbours import count_neighbours
+from pdhpc.kernels.neighbours import CorrectedArrays, count_neighbours
 from pdhpc.kernels.shared import row_width_of, share_bonds
 from pdhpc.peridynamics.bonds import find_families
 from pdhpc.peridynamics.particles import Particles
@@ -66,14 +66,20 @@ class Subdomain:
     def make_state(self, law):
         """Make the state of a state-based law: a_i of the owned particles from their intact bonds, and p_i; nothing for other laws. Local.
 
-        The ghosts' a_i must be refreshed once.
+        The ghosts' a_i must be refreshed once. Particles of materials that soften get their `raised` (kernels/failure.py).
         """
+        if hasattr(law.failure, "softening"):
+            self.points = self.points._replace(raised=np.zeros(len(self.points.position)))
         if not hasattr(law, "volumetric"):
             return
         n_slots = len(self.points.position)
         lattice = not self.particles.contiguous
         self.state = np.zeros((2, n_slots)).T if lattice else np.zeros((n_slots, 2))
         sweeps.weighted_volumes(self.bonds.arrays, self.points, law, self.particles.slots, self.state)
+
+    def correct_surfaces(self, factor):
+        """Multiply the micromodulus of each bond of a cloud, by slot, by factor (n_bond_slots,). Local."""
+        self.bonds.arrays = CorrectedArrays(*self.bonds.arrays, factor)
 
     def places(self, members=slice(None)):
         """Return (n, dim) reference positions, m, of owned particles, all or those that `members` names. Local."""
@@ -98,15 +104,15 @@ def sample_with_weights(bodies, bounds, rank, size, radius):
     edges = np.linspace(lower[axis], upper[axis], size + 1)
     edges[0], edges[-1] = -np.inf, np.inf
     low, high = np.full(len(lower), -np.inf), np.full(len(lower), np.inf)
-    reach = radius * (1 + _MARGIN)
+    reach = np.max(radius) * (1 + _MARGIN)
     low[axis], high[axis] = edges[rank] - reach, edges[rank + 1] + reach
-    ids, points, _ = points_of_bodies(bodies, low, high)
+    ids, points, body = points_of_bodies(bodies, low, high)
     inside = (points[:, axis] >= edges[rank]) & (points[:, axis] < edges[rank + 1])
     share = max(1, int(inside.sum()) // SAMPLE)
     chosen = inside & ((ids * 2654435761 >> 12) % share == 0)  # all particles of a small body, a scattered share of a large one
-    points = np.concatenate([points[chosen], points[~chosen]])
+    points, body = (np.concatenate([values[chosen], values[~chosen]]) for values in (points, body))
     n = int(chosen.sum())
-    return points[:n], np.maximum(1, count_neighbours(points, n, radius)).astype(np.int64) * share
+    return points[:n], np.maximum(1, count_neighbours(points, n, radius, body)).astype(np.int64) * share
 
 
 def make_subdomain(bodies, partition, rank, radius, describe, linear):
@@ -114,17 +120,17 @@ def make_subdomain(bodies, partition, rank, radius, describe, linear):
 
     Parameters
     ----------
-    bodies : list of LatticeBody. partition : Partition. radius : m, of the families.
+    bodies : list of LatticeBody. partition : Partition. radius : m, of the families, or a table (n_body, n_body) by the bodies of both ends, 0 for no bonds.
     describe : function (points, body index) -> (volume, block) of particles, m^3 and uint8. linear : bool, kinematics.
     """
     dim = len(bodies[0].cells)
     lower, upper = partition.box(rank, dim)
     ids, points, body = points_of_bodies(bodies, lower, upper)
-    ghost_ids, ghost_points, ghost_body, ghost_owner = _ghost_candidates(bodies, partition, rank, radius, points)
+    ghost_ids, ghost_points, ghost_body, ghost_owner = _ghost_candidates(bodies, partition, rank, np.max(radius), points)
     n_owned = len(ids)
     ids, points, body = np.concatenate([ids, ghost_ids]), np.concatenate([points, ghost_points]), np.concatenate([body, ghost_body])
     del ghost_points, ghost_ids
-    bonds, keep = find_families(points, ids, n_owned, radius)
+    bonds, keep = find_families(points, ids, n_owned, radius, body)
     ids, points, body, ghost_owner = ids[keep], points[keep], body[keep], ghost_owner[keep[n_owned:]]
     volume, block = describe(points, body)
     particles = Particles(ids, points, volume, block, n_owned, linear)

@@ -17,7 +17,8 @@ class VelocityVerlet:
         a_{n+1}   = (f(u_{n+1}) + b(t_{n+1})) / rho
         v_{n+1}   = v_{n+1/2} + dt/2 a_{n+1}
 
-    Prescribed components follow their motion instead. Forces are a function of (u, bond states) alone, so that a run continues from those.
+    Prescribed components follow their motion instead. Forces are a function of (u, bond states) alone, so that a run continues from those; where the
+    energy of state-based bonds decides about them, of those before the bonds of the last evaluation broke, so that forces are state too.
     """
 
     def __init__(self, subdomain, law, conditions, bind, dt, reaction=None):
@@ -114,6 +115,8 @@ class VelocityVerlet:
         arrays = self.subdomain.bonds.arrays
         state = {name: self.rows_of(name) for name in ("displacement", "velocity", "dissipated")}
         state["alive"] = (lambda: arrays.alive, lambda value: np.copyto(arrays.alive, value))
+        if hasattr(self.law.failure, "energy"):  # bonds that broke had a part in the state that the forces are of
+            state["force_density"] = self.rows_of("force_density")
         state["step"] = (lambda: self.step, lambda value: setattr(self, "step", int(value)))
         state.update(self.conditions.state())
         return state

@@ -7,7 +7,7 @@ import numpy as np
 from pdhpc.geometry import shapes
 from pdhpc.geometry.lattice import CommonLattice, LatticeBody, find_common_lattice
 from pdhpc.materials.bond_based import BondBased
-from pdhpc.materials.law import Setting, family_radius
+from pdhpc.materials.law import Setting, between, reach_of
 from pdhpc.materials.state_based import LinearSolid
 
 
@@ -17,7 +17,9 @@ class Body(NamedTuple):
     lattices: List[LatticeBody]
     materials: List[object]  # BondBased or LinearSolid
     law: object  # of these materials, see materials/law.py
-    blocks: dict  # (material number, may fail) -> block
+    blocks: dict  # (kind, may fail) -> block; kind: material number or, where horizons differ, the place in `kinds`
+    kinds: list  # (material number, Setting), one for each material, or for each pair of material and horizon
+    reach: object  # family radius, m, or a table of it by the bodies of both ends, 0 for no bonds
     cell_volume: float  # m^3
     lattice: Optional[CommonLattice]  # that all bodies lie on: then the lattice path is taken
     path: str  # "lattice" or "cloud", and why
@@ -31,9 +33,29 @@ class Body(NamedTuple):
         return self._replace(lattices=[replace(lattice, window=window) for lattice in self.lattices])
 
 
+    def calibration(self):
+        """Return ([(material, may fail)] by block, their Settings), as laws take them."""
+        kinds = [self.kinds[kind] for kind, _ in self.blocks]
+        return [(self.materials[number], may_fail) for (number, _), (_, may_fail) in zip(kinds, self.blocks)], [setting for _, setting in kinds]
+
+
 def radius_of(scene):
-    """Return the radius of the families of a scene, m."""
-    return family_radius(scene.particles.horizon, scene.particles.spacing, scene.particles.volume_correction)
+    """Return the radius of the families of a scene, m, the largest of all bodies."""
+    return float(np.max(reach_between_bodies(scene)))
+
+
+def reach_between_bodies(scene):
+    """Return the family radius, m, or, where it is not one for all, a table (n_body, n_body) of it, 0 where an interface has no bonds."""
+    settings = [setting_of(scene, body) for body in scene.body]
+    distinct = list(dict.fromkeys(settings))
+    kind = [distinct.index(setting) for setting in settings]
+    table = np.array([[reach_of(between(one, other)) for other in distinct] for one in distinct])[np.ix_(kind, kind)]
+    names = [body.name for body in scene.body]
+    for interface in scene.interface:
+        if interface.bonds == "none":
+            one, other = (names.index(name) for name in interface.bodies)
+            table[one, other] = table[other, one] = 0.0
+    return float(table[0, 0]) if (table == table[0, 0]).all() else table
 
 
 def make_body(scene):
@@ -46,24 +68,36 @@ def make_body(scene):
         first_id = lattices[-1].last_id
     materials = [_make_material(table) for table in scene.material]
     failing = (True, False) if scene.damage.no_fail or scene.model == "gfem" else (True,)
-    blocks = {(number, may_fail): None for number in range(len(materials)) for may_fail in failing}
-    blocks = {key: block for block, key in enumerate(blocks)}
-    thickness = scene.thickness
-    law = type(materials[0]).law([(materials[number], may_fail) for number, may_fail in blocks], calibration_of(scene))
-    lattice, path = _choose_path(scene, lattices)
-    return Body(lattices, materials, law, blocks, setting.spacing**scene.dim * thickness, lattice, path)
+    kinds, reach = kinds_of(scene), reach_between_bodies(scene)
+    blocks = {key: block for block, key in enumerate((kind, may_fail) for kind in range(len(kinds)) for may_fail in failing)}
+    lattice, path = _choose_path(scene, lattices, np.ndim(reach) > 0)
+    body = Body(lattices, materials, None, blocks, kinds, reach, setting.spacing**scene.dim * scene.thickness, lattice, path)
+    return body._replace(law=type(materials[0]).law(*body.calibration()))
+
+
+def kinds_of(scene):
+    """Return [(material number, Setting)] of the bodies, each pair once, in the order of the materials."""
+    names = [material.name for material in scene.material]
+    kinds = dict.fromkeys((names.index(body.material), setting_of(scene, body)) for body in scene.body)
+    return sorted(kinds, key=lambda kind: kind[0])
 
 
 def calibration_of(scene):
-    """Return the Setting that calibrates the materials of a scene."""
+    """Return the Setting that calibrates the materials of bodies without a horizon of their own."""
     setting = scene.particles
     linear = setting.kinematics == "linear"
     return Setting(scene.dimension, setting.horizon, scene.thickness, setting.influence, setting.spacing, setting.volume_correction, linear)
 
 
+def setting_of(scene, body):
+    """Return the Setting that calibrates the material of a body."""
+    setting = calibration_of(scene)
+    return setting if body.horizon is None else setting._replace(horizon=body.horizon)
+
+
 def _make_material(table):
     """Return the material of a material table."""
-    strength = table.energy_release_rate, table.critical_stretch
+    strength = table.energy_release_rate, table.critical_stretch, table.failure, table.stretch_softening
     if table.model == "pmb":
         return BondBased(table.name, table.density, table.youngs_modulus, *strength)
     moduli = table.bulk_modulus, table.shear_modulus
@@ -72,16 +106,32 @@ def _make_material(table):
     return LinearSolid(table.name, table.density, *moduli, *strength)
 
 
-def _choose_path(scene, lattices):
-    """Return (CommonLattice or None, "lattice: why" or "cloud: why")."""
+def _choose_path(scene, lattices, by_pair):
+    """Return (CommonLattice or None, "lattice: why" or "cloud: why"); by_pair: family radii differ between pairs of bodies."""
     if scene.particles.path == "cloud":
         return None, 'cloud: asked for by particles.path = "cloud"'
+    needed = _needs_cloud(scene, by_pair)
+    if needed is not None:
+        if scene.particles.path == "lattice":
+            raise scene.error("particles.path", f'"lattice" although {needed}', '"auto" or "cloud"')
+        return None, f"cloud: {needed}"
     lattice, reason = find_common_lattice(lattices)
     if lattice is not None:
         return lattice, "lattice: " + ("the body is" if len(lattices) == 1 else "all bodies are") + " filled with one lattice"
     if scene.particles.path == "lattice":
         raise scene.error("particles.path", f'"lattice" although {reason}', '"auto" or "cloud", or bodies that lie whole spacings apart')
     return None, f"cloud: {reason}"
+
+
+def _needs_cloud(scene, by_pair):
+    """Return why a scene's bonds are stored as lists, which hold what a stencil does not; None when they need not be."""
+    if scene.particles.surface_correction != "none":
+        return "each bond has its own surface correction"
+    if by_pair:
+        return "horizons differ, or an interface has no bonds"
+    if scene.material[0].failure == "energy" and scene.material[0].model == "lps":
+        return "bonds of lps break by their energy"
+    return None
 
 
 def make_shape(table):
@@ -101,12 +151,12 @@ def make_shape(table):
 def describe(scene, body, points, number):
     """Return (volume, block) of points (n, dim) of the bodies `number` (n,)."""
     names = [material.name for material in scene.material]
-    material = np.array([names.index(each.material) for each in scene.body])[number]
+    kind = np.array([body.kinds.index((names.index(each.material), setting_of(scene, each))) for each in scene.body])[number]
     fixed = np.zeros(len(points), dtype=bool)
     for name in scene.damage.no_fail:
         fixed |= select(scene, name, points, number)
-    table = np.array([[body.blocks[(m, True)], body.blocks.get((m, False), 0)] for m in range(len(names))], dtype=np.uint8)
-    return np.full(len(points), body.cell_volume), table[material, fixed.astype(int)]
+    table = np.array([[body.blocks[(each, True)], body.blocks.get((each, False), 0)] for each in range(len(body.kinds))], dtype=np.uint8)
+    return np.full(len(points), body.cell_volume), table[kind, fixed.astype(int)]
 
 
 def select(scene, name, points, number):

@@ -66,11 +66,14 @@ def _build_regions(scene, body, comm):
 
 
 def _furnish(scene, body, parts, comm):
-    """Cut pre-cracks, and give the parts their conditions, initial state and critical step. Collective."""
+    """Correct surfaces, cut pre-cracks, and give the parts their conditions, initial state and critical step. Collective."""
     if comm.allreduce(sum(part.subdomain.particles.n_owned for part in parts)) == 0:
         raise scene.error("body", "no particle", "a body that is not wholly a hole")
     for name in scene.damage.no_fail:
         select_particles(scene, body, parts, comm, name, "damage.no_fail")
+    if scene.particles.surface_correction != "none":
+        for part in parts:
+            part.correct_surfaces(body, scene.particles.surface_correction)
     cut_cracks(scene, parts, comm)
     for part in parts:
         part.settle_bonds(body.law)

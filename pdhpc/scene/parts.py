@@ -7,7 +7,8 @@ from pdhpc.parallel.partition import bisect
 from pdhpc.peridynamics.critical_step import stable_step
 from pdhpc.peridynamics.lattice_subdomain import make_lattice_subdomain, sample_lattice
 from pdhpc.peridynamics.subdomain import make_subdomain, sample_with_weights
-from pdhpc.scene.body import describe, radius_of
+from pdhpc.peridynamics.surface import correct_surfaces
+from pdhpc.scene.body import describe
 
 
 class Part:
@@ -23,6 +24,10 @@ class Part:
         self.comm, self.subdomain, self.conditions, self.critical_dt = comm, subdomain, None, np.inf
         owned_ids, ghost_ids = particles.id[: particles.n_owned], particles.id[particles.n_owned :]
         self.exchange = GhostExchange(comm, owned_ids, ghost_ids, subdomain.ghost_owner, particles.slots, particles.ghost_slots)
+
+    def correct_surfaces(self, body, method):
+        """Give bonds the factors of a surface correction, from the families before pre-cracks. Collective over the part's ranks."""
+        correct_surfaces(self.subdomain, body.law, *body.calibration(), self.exchange.bind, method)
 
     def counted(self):
         """Return (n_owned,) bool: the particles that this part counts when each of the body is to be counted once. Local."""
@@ -49,7 +54,7 @@ class Part:
 
 def sample_of(scene, body, comm):
     """Return this rank's (points, weights) of a body, what partitions are computed from; weights add up to about its directed bonds. Collective."""
-    radius, lattices = radius_of(scene), body.lattices
+    radius, lattices = body.reach, body.lattices
     with agree_on_error(comm):
         if body.lattice is not None:
             return sample_lattice(lattices, body.lattice, comm.rank, comm.size, radius)
@@ -85,7 +90,7 @@ def make_subdomain_of(scene, body, partition, comm, leaf):
     ------
     SceneError, on every rank of `comm`: bodies whose particles coincide.
     """
-    radius, linear = radius_of(scene), scene.particles.kinematics == "linear"
+    radius, linear = body.reach, scene.particles.kinematics == "linear"
 
     def describe_points(points, number):
         return describe(scene, body, points, number)

@@ -1,5 +1,5 @@
 """Rules between the keys of a scene that types alone cannot hold; each broken one raises a Rule with section, key, finding and what is allowed."""
-from pdhpc.scene import mesh_rules
+from pdhpc.scene import law_rules, mesh_rules
 from pdhpc.scene.fields import Rule, check_direction, check_vector
 from pdhpc.scene.overlap import distance, meet, overlap, reaches
 from pdhpc.scene.schema import COMPONENTS, KIND, POISSONS_RATIO
@@ -22,6 +22,7 @@ def check(scene):
         named(scene.body, "body")
     else:
         _check_bodies(scene)
+    law_rules.check_laws(scene)
     _check_regions(scene)
     _check_cracks(scene)
     _check_loads(scene)

@@ -5,7 +5,7 @@ from pydantic import PrivateAttr, model_validator
 
 from pdhpc.scene.cracks import Crack
 from pdhpc.scene.fields import (
-    AutoOrPositive, Filled, Flag, Fraction, Listed, Name, Names, Number, Numbers, Positive, Share, Table, Text, Vector, Whole, key, show,
+    AutoOrPositive, Filled, Flag, Fraction, Listed, Name, Names, NotNegative, Number, Numbers, Positive, Share, Table, Text, Vector, Whole, key, show,
 )
 from pdhpc.scene.loads import Initial, Load
 from pdhpc.scene.methods import ACTIVATION, TOLERANCE, Fem, Gfem, Mesh
@@ -30,10 +30,15 @@ class Particles(Table):
     spacing: Positive = key("distance h between neighbouring particles of the lattice", "m")
     horizon: Positive = key("distance delta up to which particles are bonded, at least 2 spacings", "m")
     thickness: Optional[Positive] = key("thickness of a 2D body (default 1); none in 3D", "m", default=None)
-    influence: Literal["constant", "inverse_distance", "gaussian"] = key(
-        "influence function omega of the bond length r", "", "omega = 1, delta/r, exp(-(r/delta)^2)", default="constant")
+    influence: Literal["constant", "inverse_distance", "gaussian", "conical"] = key(
+        "influence function omega of the bond length r", "", "omega = 1, delta/r, exp(-(r/delta)^2), 1 - r/delta", default="constant")
     volume_correction: Literal["linear", "none"] = key(
-        "partial volumes at the horizon's edge", "", "beta = min(1, (delta + h/2 - r)/h), families up to delta + h/2; Seleson & Littlewood 2016", default="linear")
+        "partial volumes at the horizon's edge", "", "beta = min(1, (delta + h/2 - r)/h), families up to delta + h/2; beta = 1 and families within delta with the conical influence; Seleson & Littlewood 2016", default="linear")
+    surface_correction: Literal["none", "energy", "volume"] = key(
+        "factor lambda of the micromodulus of bonds whose families lack a part, from the families before pre-cracks; pmb only: the weighted volumes of lps count "
+        "the neighbours that are there", "",
+        "energy: (sum_d (n_d/s_d)^2)^(-1/2), s_d the mean of both ends' W_bulk/W under a unit extension along d (Madenci & Oterkus 2014); "
+        "volume: 2 V0/(V_i + V_j), V family volumes, V0 the bulk's (Le & Bobaru 2018), too stiff along surfaces", default="none")
     kinematics: Literal["finite", "linear"] = key(
         "stretch of a bond xi with relative displacement eta: of its deformed length, or linearised", "",
         "s = |xi + eta|/|xi| - 1, or xi.eta/|xi|^2; Silling & Askari 2005", default="finite")
@@ -60,6 +65,22 @@ class Material(Table):
         "pmb: s0 = sqrt(5 G/(6 E delta)) in 3D, sqrt(4 pi G/(9 E delta)) in plane stress, sqrt(5 pi G/(12 E delta)) in plane strain, constant influence; "
         "lps: see check", default=None)
     critical_stretch: Optional[Positive] = key("stretch s0 at which a bond breaks; neither this nor energy_release_rate: bonds never break", "1", default=None)
+    failure: Literal["stretch", "energy"] = key(
+        "stretch: a bond breaks beyond s0; energy: when, stretched, it stores the energy density w_c", "",
+        "w_c = 4 G/(pi delta^4) in 3D, 3 G/(2 t delta^3) in 2D; pmb: s0(r) = sqrt(2 w_c/(c omega r)), lps: w = omega r^2 s (C s + P)/2; Foster, Silling & Chen 2011",
+        default="stretch")
+    stretch_softening: NotNegative = key(
+        "alpha: the critical stretch of a particle rises with its most compressed bond; a bond has the lower one of both ends; costs a sweep and a message a step", "1",
+        "s0_i = s0 - alpha min(0, s_min,i); Silling & Askari 2005, typically 0.25", default=0.0)
+
+
+class Interface(Table):
+    """How two bodies hold together."""
+
+    bodies: Names = key("names of the two bodies")
+    bonds: Literal["glued", "none"] = key(
+        "glued: particles of both within the mean of the horizons are bonded, as they are without this table; none: no bonds", "",
+        "micromodulus: harmonic mean of both materials' at that horizon; critical stretch: the smaller one at it", default="glued")
 
 
 class Damage(Table):
@@ -152,6 +173,7 @@ class Scene(Table):
     gfem: Optional[Gfem] = key("finite elements enriched by local particles", default=None)
     material: Annotated[List[Material], Filled] = key("materials")
     body: Annotated[List[Body], Filled] = key("bodies")
+    interface: Annotated[List[Interface], Listed] = key("pairs of bodies and whether bonds join them", default=[])
     region: Annotated[List[Region], Listed] = key("named sets of particles", default=[])
     crack: Annotated[List[Crack], Listed] = key("pre-cracks: bonds that cross them are cut at the start", default=[])
     fine: Optional[Fine] = key("region that takes smaller steps than the rest", default=None)

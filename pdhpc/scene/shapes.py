@@ -152,6 +152,9 @@ Hole = one_of([BoxShape, DiskShape, SphereShape, CylinderShape, HalfSpaceShape],
 class _Named(ShapeTable):
     name: Name = key("name of the body")
     material: Name = key("name of its material")
+    horizon: Optional[Positive] = key(
+        "horizon of the body (default that of [particles]), at least 2 spacings; bonds between two bodies have the mean of theirs", "m",
+        'model = "particles"', default=None)
 
 
 class _Body(_Named):

@@ -68,7 +68,7 @@ def estimate_coupled(scene, ranks=None):
         active = particles if scene.gfem.everywhere else min(particles, math.ceil(4 * length / size) * ratio**2)
     memory = (particles * _BYTES_PER_PARTICLE + cells * _BYTES_PER_CELL) / ranks
     bonds = active * family_size(scene.dim, radius_of(scene) / scene.particles.spacing)
-    seconds = steps * (1.5 * (problem.k + 1) * bonds / kernel_rate(scene, radius_of(scene) / scene.particles.spacing, "lattice") / ranks + 1e-3)
+    seconds = steps * (1.5 * (problem.k + 1) * bonds / kernel_rate(scene, radius_of(scene) / scene.particles.spacing, "lattice", body.law) / ranks + 1e-3)
     return CoupledEstimate(exact, cells, vertices, ratio, particles, critical_stretches(scene, body), problem.critical_dt, problem.dt, steps, problem.k,
                            problem.parts[0].critical_dt, patches, active, ranks, memory, seconds, warnings)
 

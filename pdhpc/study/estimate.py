@@ -10,21 +10,25 @@ from pdhpc.kernels.neighbours import LANES
 from pdhpc.kernels.lattice import WORD
 from pdhpc.parallel.comm import world
 from pdhpc.parallel.partition import share_out
+from pdhpc.materials.failure import PAIR_ENERGY_FORMULA, critical_pair_energy
+from pdhpc.materials.law import reach_of
 from pdhpc.peridynamics.critical_step import stable_step
 from pdhpc.peridynamics.internal_forces import InternalForces
 from pdhpc.peridynamics.view import View
-from pdhpc.scene.body import calibration_of, make_body, radius_of, select
+from pdhpc.scene.body import make_body, radius_of, select
 from pdhpc.scene.build import build
 from pdhpc.scene.gauges import make_gauges
 from pdhpc.scene.mesh_rules import unused
 from pdhpc.scene.regions import finite_margin, ratio_for, split_of
 from pdhpc.scene.steps import choose_step
-from pdhpc.warm_up import NoGhosts, block
+from pdhpc.warm_up import NoGhosts, block, variant_of
 
 _BYTES_PER_SLOT = 12.125  # neighbour, inverse length, bond state
 _BYTES_PER_PARTICLE = {2: 122, 3: 180}
 _BYTES_PER_CELL = {2: 73, 3: 105}  # of a lattice, and 8 for each word of bond states
 _STATE_BYTES = {"pmb": 0, "lps": 16}
+_FACTOR_BYTES = 8  # of a bond slot: its surface correction
+_RAISED_BYTES = 8  # of a particle whose critical stretch rises with compression
 _SMALL = 1.2e7  # directed bonds up to which the body is built
 _SLAB_POINTS = 1 << 20
 
@@ -77,13 +81,13 @@ def estimate(scene, ranks=None):
     if exact:
         particles, bonds, neighbours, critical, warnings = _built(whole, ranks)
     else:
-        particles, bonds, neighbours, critical, warnings = _sampled(whole, body, family, ratio)
+        particles, bonds, neighbours, critical, warnings = _sampled(whole, body, family)
     regions, m, overlap = [], 1, 0
     if scene.method != "single":
         regions, m, overlap, dt, steps, more = _regions(scene, body, ranks, exact, family, critical)
     else:
         dt, steps, more = choose_step(scene, critical)
-    rate = kernel_rate(scene, ratio, body.path.split(":")[0])
+    rate = kernel_rate(scene, ratio, body.path.split(":")[0], body.law)
     memory = particles / ranks * _bytes_per_particle(scene, body, neighbours, ratio, particles / ranks)
     work = sum(steps * region.bonds for steps, region in zip((1, m), regions)) if regions else bonds
     seconds = 2 * work * steps / (rate * ranks)
@@ -121,9 +125,10 @@ def _count(body):
 
 def _bytes_per_particle(scene, body, neighbours, ratio, per_rank):
     """Return the memory of a particle and its bonds; on a lattice the padding of a compact share of `per_rank` particles counts too."""
-    extra = _STATE_BYTES[scene.material[0].model]
+    extra = _STATE_BYTES[scene.material[0].model] + (_RAISED_BYTES if any(material.stretch_softening for material in scene.material) else 0)
     if body.lattice is None:
-        return math.ceil(neighbours / LANES) * LANES * _BYTES_PER_SLOT + _BYTES_PER_PARTICLE[scene.dim] + extra
+        slot = _BYTES_PER_SLOT + (_FACTOR_BYTES if scene.particles.surface_correction != "none" else 0)
+        return math.ceil(neighbours / LANES) * LANES * slot + _BYTES_PER_PARTICLE[scene.dim] + extra
     side = max(per_rank, 1.0) ** (1 / scene.dim)
     padding = (1 + 2 * int(ratio) / side) ** (scene.dim - 1) * (1 + (2 * LANES + int(ratio)) / side)
     words = math.ceil(family_size(scene.dim, ratio) / WORD)
@@ -141,18 +146,20 @@ def _built(scene, ranks):
     return problem.subdomain.particles.n_owned, bonds.n_directed // 2, int(bonds.family_size.max(initial=0)), problem.critical_dt, warnings
 
 
-def _sampled(scene, body, family, ratio):
+def _sampled(scene, body, family):
     """Count particles slab by slab, check that every region holds one, and take bonds and step from whole families."""
     names = {name for name in _region_names(scene) if name != "all"}
-    particles = 0
+    particles = bonds = 0
+    own = np.diag(np.broadcast_to(body.reach, (len(body.lattices),) * 2)) / scene.particles.spacing
     for lattice_number, lattice in enumerate(body.lattices):
         for points in _slabs(lattice):
             particles += len(points)
+            bonds += len(points) * family_size(scene.dim, own[lattice_number]) // 2
             numbers = np.full(len(points), lattice_number)
             names = {name for name in names if not select(scene, name, points, numbers).any()}
     if names:
         raise scene.error("region", f'"{sorted(names)[0]}", which selects no particle', "a region that holds at least one")
-    return particles, particles * family // 2, family, _family_step(scene, body, ratio), []
+    return particles, bonds, family, _family_step(scene, body), []
 
 
 def _region_names(scene):
@@ -180,17 +187,17 @@ def family_size(dim, ratio):
     return int((sum(axis.astype(float) ** 2 for axis in axes) <= ratio**2).sum()) - 1
 
 
-def _family_step(scene, body, ratio):
+def _family_step(scene, body):
     """Return the critical step of a whole lattice family in the stiffest, lightest block."""
-    model = scene.material[0].model
-    sub, _ = block(scene.dim, 4 * int(ratio) + 3, ratio, scene.particles.kinematics == "linear", "cloud", model)
-    scale = scene.particles.spacing / 1e-3
-    particles = sub.particles
-    particles.reference *= scale
-    sub.bonds.arrays.inv_length[:] /= scale
-    particles.volume[:] = body.cell_volume
+    model, scale = scene.material[0].model, scene.particles.spacing / 1e-3
     steps = []
-    for number in range(len(body.law.density)):
+    for number, setting in enumerate(body.calibration()[1]):
+        ratio = reach_of(setting) / scene.particles.spacing
+        sub, _ = block(scene.dim, 4 * int(ratio) + 3, ratio, scene.particles.kinematics == "linear", "cloud", model)
+        particles = sub.particles
+        particles.reference *= scale
+        sub.bonds.arrays.inv_length[:] /= scale
+        particles.volume[:] = body.cell_volume
         particles.block[:] = number
         sub.points.row_block[:] = number
         sub.make_state(body.law)
@@ -198,10 +205,11 @@ def _family_step(scene, body, ratio):
     return min(steps)
 
 
-def kernel_rate(scene, ratio, path):
-    """Return bonds per second and core of the force kernels, measured on a small block."""
+def kernel_rate(scene, ratio, path, law):
+    """Return bonds per second and core of the force kernels of a law, measured on a small block."""
     cells = {2: 60, 3: 16}[scene.dim]
-    sub, law = block(scene.dim, cells, min(ratio, 4.0), scene.particles.kinematics == "linear", path, scene.material[0].model)
+    variant = variant_of(law, scene.particles.surface_correction)
+    sub, law = block(scene.dim, cells, min(ratio, 4.0), scene.particles.kinematics == "linear", path, scene.material[0].model, variant)
     sub.particles.place()
     internal = InternalForces(sub, law, NoGhosts)
     best = math.inf
@@ -213,9 +221,13 @@ def kernel_rate(scene, ratio, path):
 
 
 def critical_stretches(scene, body):
-    """Return [(material, value and formula)]."""
-    setting, rows = calibration_of(scene), []
-    for material in body.materials:
+    """Return [(material, value and formula)], a row for each horizon that a material has."""
+    rows = []
+    for number, setting in body.kinds:
+        material = body.materials[number]
+        if material.failure == "energy":
+            rows.append((material.name, f"where w = {critical_pair_energy(setting, material.energy_release_rate):.6g} J/m^6 = {PAIR_ENERGY_FORMULA[scene.dimension]}"))
+            continue
         limit = material.stretch_limit(setting)
         if material.critical_stretch is not None:
             rows.append((material.name, f"{limit:.6g} (given)"))

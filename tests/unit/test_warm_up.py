@@ -26,7 +26,8 @@ from numba.core.dispatcher import Dispatcher
 from mpi4py import MPI
 from pdhpc import simulation
 from pdhpc.scene.read import read_scene
-from pdhpc.warm_up import compile_coupling, compile_kernels
+from pdhpc.scene.body import make_body
+from pdhpc.warm_up import compile_coupling, compile_kernels, variant_of
 
 def compiled():
     found = set()
@@ -41,8 +42,10 @@ path, model, scene, out = sys.argv[1:]
 overrides = ["particles.path=" + path, "output.pictures=false"]
 scene = read_scene(scene, overrides)
 assert all(material.model == model for material in scene.material)
-compile_kernels((scene.dim,), (path,), (model,))
-compile_coupling(scene.dim, path, model, scene.particles.kinematics == "linear")
+variant = variant_of(make_body(scene).law, scene.particles.surface_correction)
+compile_kernels((scene.dim,), (path,), (model,), variant=variant)
+if scene.fine is not None:
+    compile_coupling(scene.dim, path, model, scene.particles.kinematics == "linear")
 before = compiled()
 simulation._compile_first_on_each_node = lambda *arguments: None
 simulation.Simulation(scene, MPI.COMM_SELF).run(out, quiet=True)
@@ -62,5 +65,44 @@ def test_a_run_compiles_nothing_that_the_warm_up_left_out(path, name, model, sho
     (tmp_path / name).write_text(text)
     command = [sys.executable, "-c", WATCH, path, model, str(tmp_path / name), str(tmp_path / "out")]
     done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == ""
+
+
+OTHER = """
+[[material]]
+name = "other"
+density = 1.0
+youngs_modulus = 2.0
+{keys}
+[[body]]
+name = "other"
+material = "other"
+shape = "box"
+lower = [8.0, -4.0]
+upper = [16.0, 4.0]
+horizon = 2.5
+[[initial]]
+velocity_gradient = [[0.05, 0.0], [0.0, 0.02]]
+[[crack]]
+type = "polyline"
+points = [[0.0, -9.0], [0.0, 0.0]]
+"""
+
+
+@pytest.mark.parametrize("model, keys, overrides", [
+    ("pmb", "critical_stretch = 0.01\nstretch_softening = 0.25", ["particles.surface_correction=energy"]),
+    ("pmb", 'energy_release_rate = 0.001\nfailure = "energy"', ["particles.surface_correction=volume"]),
+    ("lps", 'model = "lps"\npoissons_ratio = 0.2\nenergy_release_rate = 0.001\nfailure = "energy"', []),
+])
+def test_a_run_with_other_laws_and_horizons_compiles_nothing_more(model, keys, overrides, tmp_path):
+    from pdhpc.study.verify.case import plate
+
+    text = plate((16, 8), 2.0, kinematics="finite", material=keys, extra=OTHER.format(keys=keys))
+    for override in overrides:
+        key, value = override.split("=")
+        text = text.replace("[particles]", f'[particles]\n{key.split(".")[1]} = "{value}"')
+    (tmp_path / "scene.toml").write_text(text.replace("end = 1.0", "end = 10.0"))
+    done = subprocess.run([sys.executable, "-c", WATCH, "cloud", model, str(tmp_path / "scene.toml"), str(tmp_path / "out")], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert done.stdout == ""

@@ -49,3 +49,22 @@ def test_marking_and_renumbering():
     assert mark_used(neighbour, 6).tolist() == [False, False, True, False, True, False]
     renumber(neighbour, np.array([9, 9, 0, 9, 1, 9], np.int32))
     assert neighbour.tolist() == [1, 0, 0]
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_radii_by_pairs_of_groups(dim):
+    random = np.random.default_rng(dim)
+    points, group = random.random((400, dim)), random.integers(0, 3, 400)
+    radius = np.array([[0.1, 0.15, 0.0], [0.15, 0.2, 0.05], [0.0, 0.05, 0.12]])
+    bonds, counts = find_bonds(points, np.arange(400), 300, radius, group)
+    distance = np.linalg.norm(points[:, None] - points[None], axis=2)
+    near = distance <= radius[group[:, None], group[None]]
+    for i, row in enumerate(rows(bonds, 300)):
+        assert row == [j for j in np.flatnonzero(near[i]) if j != i]
+    assert counts.tolist() == count_neighbours(points, 300, radius, group).tolist() and counts.max() > 3
+
+
+def test_groups_without_bonds_still_see_each_other_at_the_same_place():
+    points, radius = np.array([[0.0, 0.0], [0.0, 0.0], [0.1, 0.0]]), np.array([[1.0, 0.0], [0.0, 1.0]])
+    bonds, counts = find_bonds(points, np.arange(3), 3, radius, np.array([0, 1, 1]))
+    assert counts.tolist() == [1, 2, 1] and np.isinf(bonds.inv_length[0])

@@ -33,7 +33,7 @@ def test_the_bulk_modulus_of_each_dimension(nu):
 
 
 @pytest.mark.parametrize("dimension, nu", [("plane_stress", 1 / 3), ("plane_strain", 1 / 4), ("3d", 1 / 4)])
-@pytest.mark.parametrize("influence", ["constant", "inverse_distance", "gaussian"])
+@pytest.mark.parametrize("influence", ["constant", "inverse_distance", "gaussian", "conical"])
 def test_at_the_poissons_ratio_of_central_forces_it_is_the_bond_based_solid(dimension, nu, influence):
     """There d k = (d + 2) G: no dilatation enters, and PMB with omega of LPS over r has the same bonds, the same energy and the same cut."""
     setting = Setting(dimension, DELTA, 1.0, influence)
@@ -74,7 +74,7 @@ def test_critical_stretch_is_given_derived_or_absent():
 
 
 @pytest.mark.parametrize("dimension", DIMENSIONS)
-@pytest.mark.parametrize("influence", ["constant", "inverse_distance", "gaussian"])
+@pytest.mark.parametrize("influence", ["constant", "inverse_distance", "gaussian", "conical"])
 def test_the_cut_takes_the_energy_of_bonds_and_of_dilatation(dimension, influence):
     """s0 from G_c by brute force: halves of space apart by s0 of each crossing bond; W = (k - (d+2)G/d) theta^2/2 + d (d+2) G/(2 m) sum omega e^2, theta of both halves."""
     dim, h = (3, 1 / 24) if dimension == "3d" else (2, 1 / 120)

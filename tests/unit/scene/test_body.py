@@ -1,6 +1,7 @@
 import numpy as np
 
 from pdhpc.geometry.shapes import Band, Disk, Within
+from pdhpc.materials.law import Weighting
 from pdhpc.scene.body import calibration_of, make_body, make_shape, radius_of
 from pdhpc.scene.read import parse_scene
 from pdhpc.study.verify.case import plate
@@ -20,3 +21,39 @@ def test_a_band_from_the_scene():
     extra = '[fine]\nshape = "band"\npoints = [[0.0, 0.0], [1.0, 0.0], [1.0, 2.0]]\nradius = 0.5\n'
     shape = make_shape(parse_scene(plate((6, 4), extra=extra), "scene").fine)
     assert isinstance(shape, Band) and np.allclose(shape.distance(np.array([[0.5, 0.5], [0.5, 1.0], [2.0, 1.0], [1.0, 3.0]])), [0.0, 0.0, 0.5, 0.5])
+
+
+SECOND = """
+[[body]]
+name = "other"
+material = "solid"
+shape = "box"
+lower = [3.0, -2.0]
+upper = [9.0, 2.0]
+"""
+
+
+def two_bodies(extra="", overrides=()):
+    return make_body(parse_scene(plate((6, 4), extra=SECOND + extra), "t", overrides))
+
+
+def test_one_horizon_is_one_kind_and_one_radius():
+    body = two_bodies('[[interface]]\nbodies = ["body", "other"]\nbonds = "glued"\n', ["body.other.horizon=3.0"])
+    assert body.path.startswith("lattice") and np.ndim(body.reach) == 0 and [number for number, _ in body.kinds] == [0] and len(body.law.density) == 1
+
+
+def test_horizons_that_differ_are_kinds_of_their_own():
+    body = two_bodies(overrides=["body.other.horizon=4.0"])
+    assert body.path.startswith("cloud: horizons differ") and np.allclose(body.reach, [[3.5, 4.0], [4.0, 4.5]])
+    assert [setting.horizon for _, setting in body.kinds] == [3.0, 4.0] and body.blocks == {(0, True): 0, (1, True): 1}
+    assert body.law.weighting.horizon.tolist() == [[3.0, 3.5], [3.5, 4.0]]
+
+
+def test_an_interface_without_bonds():
+    from pdhpc.study.verify.case import problem_of
+
+    words = '[[interface]]\nbodies = ["other", "body"]\nbonds = "none"\n'
+    body = two_bodies(words)
+    assert np.allclose(body.reach, [[3.5, 0.0], [0.0, 3.5]]) and isinstance(body.law.weighting, Weighting)
+    problem, apart = problem_of(plate((6, 4), extra=SECOND + words)), problem_of(plate((6, 4)), ["particles.path=cloud"])
+    assert problem.subdomain.bonds.n_directed == 2 * apart.subdomain.bonds.n_directed

@@ -23,10 +23,10 @@ def test_good_is_good():
 
 @pytest.mark.parametrize("changes, expected", [
     ({"particles": {"spacng": 1.0, "horizon": 3.0}},  # also makes spacing missing
-     'particles.spacng is an unknown key; allowed in particles is spacing, horizon, thickness, influence, volume_correction, kinematics, path (did you mean "spacing"?)'),
+     'particles.spacng is an unknown key; allowed in particles is spacing, horizon, thickness, influence, volume_correction, surface_correction, kinematics, path (did you mean "spacing"?)'),
     ({"particles": {"spacing": 1.0, "horizon": 3.0, "density": 1.0}}, '("density" belongs to [[material]])'),
     ({"horizon": 1.0}, 'horizon is an unknown key; allowed in the top level is title, model, dimension'),
-    ({"horizon": 1.0}, '("horizon" belongs to [particles])'),
+    ({"horizon": 1.0}, '("horizon" belongs to [particles] and [[body]])'),
     ({"materials": [MATERIAL], "material": None}, '(did you mean "material"?)'),
     ({"material": [{**MATERIAL, "rho\n": 1}]}, "material 'm': \"rho\\n\" is an unknown key"),
     ({"dimension": None}, 'dimension is missing; allowed is "plane_stress", "plane_strain", "3d"'),
@@ -48,7 +48,7 @@ def test_good_is_good():
     ({"body": [{"name": "b", "shap": "box"}]}, "body 'b': shap is an unknown key"),  # not: shape is missing
     ({"body": [{"name": "b", "shap": "box"}]}, '(did you mean "shape"?)'),
     ({"body": [3]}, "body[0] = 3; allowed is a table headed [[body]]"),
-    ({"body": [{**BOX, "radius": 1.0}]}, "body 'b': radius is an unknown key; allowed in body 'b' is name, material, hole, shape, lower, upper"),
+    ({"body": [{**BOX, "radius": 1.0}]}, "body 'b': radius is an unknown key; allowed in body 'b' is name, material, horizon, hole, shape, lower, upper"),
     ({"body": [{**BOX, "lower": [0, "0"]}]}, "body 'b': lower[1] = \"0\"; allowed is a number"),
     ({"body": [{**BOX, "lower": 0}]}, "body 'b': lower = 0; allowed is a list of numbers such as [0.0, 1.0]"),
     ({"load": [{"type": "gravity", "value": [0, 1], "time": 3}]}, "load[0]: time = 3; allowed is a table in { }"),

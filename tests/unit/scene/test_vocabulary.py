@@ -32,7 +32,7 @@ def test_unions_of_tables_and_their_tags():
 
 
 def test_homes_of_keys():
-    assert vocabulary.homes("horizon") == ["[particles]"]
+    assert vocabulary.homes("horizon") == ["[particles]", "[[body]]"]
     assert vocabulary.homes("dimension") == ["the top level, above the first section"]
     assert vocabulary.homes("nonsense") == []
 

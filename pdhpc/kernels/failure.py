@@ -1,0 +1,139 @@
+"""Whether a bond breaks, asked of the damage laws of materials/failure.py: bond by bond, which decides, and eight bonds at a time, which may say yes early.
+
+The decision has the same bits at both ends of a bond: everything it uses is the same, or enters symmetrically.
+"""
+import numpy as np
+
+from pdhpc.jit import implements, inlined
+from pdhpc.kernels.family import stretch_of
+from pdhpc.kernels.simd import both, lane_mask, root8
+from pdhpc.materials.failure import EnergyLimit, PairEnergyLimit, SoftenedLimit, StretchLimit
+from pdhpc.materials.law import far_end, influence_over_length, moduli, near_end, uncorrected, weighting_between
+
+_EARLY = 1e-9  # relative: how much before its limit a bond is looked at closely
+
+
+def limit_stretch(failure, law, points, i, j, inv_l):
+    """Return the stretch beyond which the bond of length 1/inv_l between particles i and j breaks; nothing of use where its energy decides."""
+
+
+def fails(failure, law, points, state, i, j, inv_l, measure, linear):
+    """Return whether the bond of length 1/inv_l and `measure` (materials/law.py) between particles i and j is beyond its limit."""
+
+
+def fails_by_strain(failure, law, points, i, j, inv_l, measure, linear):
+    """As `fails`, before the state of the particles is known: False where that decides."""
+
+
+def limit_of_block(failure, law, block):
+    """Return the limit that beyond_of_eight compares with, of bonds within a block."""
+
+
+def beyond_of_eight(failure, law, limit, weighting, near, far, inv_l, measure, linear):
+    """Return which of eight bonds within a block may be beyond their limits; near, far, inv_l, measure: of each."""
+
+
+def strained_of_eight(failure, limit, measure):
+    """As beyond_of_eight, before the state of the particles is known."""
+
+
+@implements(limit_stretch, StretchLimit)
+def _limit(failure, law, points, i, j, inv_l):
+    return law.critical_stretch[points.block[i], points.block[j]]
+
+
+@implements(limit_stretch, SoftenedLimit)
+def _raised_limit(failure, law, points, i, j, inv_l):
+    return law.critical_stretch[points.block[i], points.block[j]] + min(points.raised[i], points.raised[j])
+
+
+@implements(limit_stretch, EnergyLimit)
+def _limit_of_energy(failure, law, points, i, j, inv_l):
+    weighting = uncorrected(weighting_between(law.weighting, points.block[i], points.block[j]))
+    return np.sqrt(failure.square[points.block[i], points.block[j]] * inv_l * inv_l / influence_over_length(weighting, inv_l))
+
+
+@implements(limit_stretch, PairEnergyLimit)
+def _no_limit(failure, law, points, i, j, inv_l):
+    return 0.0
+
+
+@implements(fails, StretchLimit)
+def _fails(failure, law, points, state, i, j, inv_l, measure, linear):
+    return measure > law.break_at[points.block[i], points.block[j]]
+
+
+@inlined
+def _beyond(limit, measure, linear):
+    """Return whether a measure is beyond that of a stretch."""
+    return measure > (limit if linear is not None else (1.0 + limit) * (1.0 + limit))
+
+
+@implements(fails, SoftenedLimit)
+def _fails_when_raised(failure, law, points, state, i, j, inv_l, measure, linear):
+    return _beyond(limit_stretch(failure, law, points, i, j, inv_l), measure, linear)
+
+
+@implements(fails, EnergyLimit)
+def _fails_by_energy(failure, law, points, state, i, j, inv_l, measure, linear):
+    return _beyond(limit_stretch(failure, law, points, i, j, inv_l), measure, linear)
+
+
+@implements(fails, PairEnergyLimit)
+def _fails_by_pair_energy(failure, law, points, state, i, j, inv_l, measure, linear):
+    s = stretch_of(measure, linear)
+    c, p = moduli(law, near_end(law, points, state, i, j), far_end(law, state, j))
+    weighting = weighting_between(law.weighting, points.block[i], points.block[j])
+    return s > 0.0 and pair_energy(weighting, inv_l, s, c, p) > failure.energy[points.block[i], points.block[j]]
+
+
+@inlined
+def pair_energy(weighting, inv_l, s, c, p):
+    """Return w = omega r^2 s (C s + P)/2 of a state-based bond, J/m^6: half its pull times its elongation, without volume correction."""
+    return 0.5 * (influence_over_length(uncorrected(weighting), inv_l) / (inv_l * inv_l * inv_l)) * (s * (c * s + p))
+
+
+@implements(beyond_of_eight, PairEnergyLimit)
+def _beyond_pair_energy(failure, law, limit, weighting, near, far, inv_l, measure, linear):
+    s = measure if linear is not None else root8(measure) - 1.0
+    c, p = moduli(law, near, far)
+    return both(s > 0.0, pair_energy(weighting, inv_l, s, c, p) > limit)
+
+
+@implements(limit_of_block, PairEnergyLimit)
+def _energy_of_block(failure, law, block):
+    return failure.energy[block, block] * (1.0 - _EARLY)
+
+
+@implements(strained_of_eight, PairEnergyLimit)
+def _never(failure, limit, measure):
+    return lane_mask(np.uint8(0))
+
+
+@implements(fails_by_strain, PairEnergyLimit)
+def _fails_later(failure, law, points, i, j, inv_l, measure, linear):
+    return False
+
+
+def _decide_by_stretch(record):
+    """Let a limit of stretch, of which the law's break_at is the lowest, be the same whether or not the state is known."""
+
+    @implements(fails_by_strain, record)
+    def _fails_by_strain(failure, law, points, i, j, inv_l, measure, linear):
+        return fails(failure, law, points, None, i, j, inv_l, measure, linear)
+
+    @implements(beyond_of_eight, record)
+    def _beyond_limit(failure, law, limit, weighting, near, far, inv_l, measure, linear):
+        return measure > limit
+
+    @implements(limit_of_block, record)
+    def _lowest_limit(failure, law, block):
+        return law.break_at[block, block]
+
+    @implements(strained_of_eight, record)
+    def _strained(failure, limit, measure):
+        return measure > limit
+
+
+for _record in (StretchLimit, SoftenedLimit, EnergyLimit):
+    _decide_by_stretch(_record)

@@ -1,0 +1,104 @@
+"""Who breaks: by numpy from the positions, on rows of one block and bond by bond alike."""
+import itertools
+
+import numpy as np
+import pytest
+
+from pdhpc.kernels import sweeps
+from pdhpc.kernels.family import MIXED, PointArrays
+from pdhpc.kernels.neighbours import find_bonds
+from pdhpc.materials.bond_based import BondBased
+from pdhpc.materials.influence import value
+from pdhpc.materials.law import Setting
+from pdhpc.materials.state_based import LinearSolid
+
+N, RADIUS = 300, 1.0
+
+
+class Cloud:
+    """Random particles of one volume, displaced at random, and what numpy says of every pair in reach."""
+
+    def __init__(self, dim, linear, material, row_block):
+        random = np.random.default_rng(5)
+        x = random.uniform(0, 4 if dim == 2 else 2.2, (N, dim))
+        u = random.uniform(-0.02, 0.02, (N, dim))
+        self.setting = Setting("3d" if dim == 3 else "plane_strain", RADIUS, 1.0, "gaussian", 0.0, "none", bool(linear))
+        self.law = type(material).law([(material, True)], self.setting)
+        self.bonds, _ = find_bonds(x, np.arange(N), N, RADIUS)
+        width = 2 if dim == 2 else 4
+        reference, position = np.zeros((N, width)), np.zeros((N, width))
+        reference[:, :dim], position[:, :dim] = x, u if linear else x + u
+        self.volume = 0.01
+        self.points = PointArrays(reference, position, np.full(N, self.volume), np.zeros(N, np.uint8), np.full(N, row_block, np.uint8), np.zeros(N))
+        self.slots, self.linear, self.third, self.dim = np.arange(N, dtype=np.int32), linear, None if dim == 2 else 2, dim
+        self.i, self.j = np.array([(i, self.bonds.neighbour[k]) for i in range(N) for k in self._row(i)]).T
+        xi, eta = x[self.j] - x[self.i], u[self.j] - u[self.i]
+        self.r = np.linalg.norm(xi, axis=1)
+        self.s = np.einsum("nd,nd->n", xi, eta) / self.r**2 if linear else np.linalg.norm(xi + eta, axis=1) / self.r - 1
+
+    def _row(self, i):
+        return [k for k in range(self.bonds.row_start[i], self.bonds.row_start[i + 1]) if self.bonds.alive[k >> 3] >> (k & 7) & 1]
+
+    def broken_pairs(self, state=None):
+        """Return (n_pairs,) bool after one evaluation, and the energy dissipated."""
+        force, dissipated = np.zeros((N, self.dim)), np.zeros(N)
+        common = self.bonds, self.points, self.law, state, self.linear, self.third, self.slots
+        if len(getattr(self.law.failure, "softening", [])):
+            sweeps.smallest_stretches(*common, dissipated)
+        if state is not None:
+            sweeps.weighted_volumes(self.bonds, self.points, self.law, self.slots, state)
+            assert hasattr(self.law.failure, "softening") or sweeps.dilatations(*common, dissipated) == 0, "energies wait for the state of both ends"
+        count = sweeps.bond_forces(*common, force, dissipated)
+        left = {(i, int(self.bonds.neighbour[k])) for i in range(N) for k in self._row(i)}
+        broken = np.array([(i, j) not in left for i, j in zip(self.i, self.j)])
+        assert count == broken.sum() and 20 < count < len(broken) / 2, "a case that tests something"
+        assert np.array_equal(broken, np.array([(j, i) not in left for i, j in zip(self.i, self.j)])), "at both ends or at none"
+        return broken, dissipated
+
+
+CHOICES = list(itertools.product((2, 3), (None, True), (0, MIXED)))
+
+
+@pytest.mark.parametrize("dim, linear, row_block", CHOICES)
+def test_bond_based_bonds_break_at_their_energy(dim, linear, row_block):
+    material = BondBased("a", 1.0, 2.0, 5e-4, failure="energy")
+    cloud = Cloud(dim, linear, material, row_block)
+    omega = value("gaussian", cloud.r, RADIUS)
+    energy = 0.5 * material.micromodulus(cloud.setting) * omega * cloud.s**2 * cloud.r
+    critical = 4 * 5e-4 / np.pi if dim == 3 else 1.5 * 5e-4
+    broken, dissipated = cloud.broken_pairs()
+    assert np.array_equal(broken, (energy > critical) & (cloud.s > 0)) and ((energy > critical) & (cloud.s < 0)).any()
+    assert dissipated.sum() == pytest.approx(0.5 * critical * cloud.volume**2 * broken.sum(), rel=1e-12), "w_c of each bond, half of it at either end"
+
+
+@pytest.mark.parametrize("dim, linear, row_block", CHOICES)
+def test_state_based_bonds_break_at_half_their_pull_times_elongation(dim, linear, row_block):
+    material = LinearSolid("a", 1.0, 3.0, 0.7, 3e-4, failure="energy")
+    cloud = Cloud(dim, linear, material, row_block)
+    i, j, r, s = cloud.i, cloud.j, cloud.r, cloud.s
+    omega, k, shear = value("gaussian", r, RADIUS), material.bulk(cloud.setting), material.shear_modulus
+    m = np.bincount(i, omega * r**2 * cloud.volume, N)
+    theta = dim / m * np.bincount(i, omega * r**2 * s * cloud.volume, N)
+    state = [((dim * k - (dim + 2) * shear) * theta[end] * r + dim * (dim + 2) * shear * s * r) / m[end] for end in (i, j)]
+    energy = 0.5 * omega * (state[0] + state[1]) * s * r
+    critical = 4 * 3e-4 / np.pi if dim == 3 else 1.5 * 3e-4
+    broken, _ = cloud.broken_pairs(np.zeros((N, 2)))
+    assert np.array_equal(broken, (energy > critical) & (s > 0))
+
+
+@pytest.mark.parametrize("dim, linear, row_block", CHOICES)
+@pytest.mark.parametrize("material", [
+    BondBased("a", 1.0, 2.0, critical_stretch=0.03, stretch_softening=0.25), LinearSolid("a", 1.0, 3.0, 0.7, critical_stretch=0.03, stretch_softening=0.25),
+])
+def test_compression_raises_the_critical_stretch(material, dim, linear, row_block):
+    cloud = Cloud(dim, linear, material, row_block)
+    smallest = np.zeros(N)
+    np.minimum.at(smallest, cloud.i, cloud.s)
+    own = 0.03 - 0.25 * smallest
+    limit = np.minimum(own[cloud.i], own[cloud.j])
+    broken, dissipated = cloud.broken_pairs(np.zeros((N, 2)) if isinstance(material, LinearSolid) else None)
+    assert np.array_equal(broken, cloud.s > limit) and ((cloud.s > 0.03) & ~broken).sum() > 10
+    assert np.allclose(cloud.points.raised, -0.25 * smallest, rtol=1e-9, atol=1e-15)
+    if isinstance(material, BondBased):
+        energy = 0.25 * material.micromodulus(cloud.setting) * value("gaussian", cloud.r, RADIUS) * limit**2 * cloud.r * cloud.volume**2
+        assert dissipated.sum() == pytest.approx(energy[broken].sum(), rel=1e-9)
