@@ -10,7 +10,7 @@ from pdhpc.kernels import family, reference
 from pdhpc.kernels.failure import beyond_of_eight, limit_of_block, strained_of_eight
 from pdhpc.kernels.family import MIXED
 from pdhpc.kernels.neighbours import BondArrays, CorrectedArrays
-from pdhpc.kernels.simd import LANES, any_of, at, both, either, fma, gather_xy, gather_xyz, lane_mask, lane_sum, load8, root8, rsqrt8, select, splat
+from pdhpc.kernels.simd import LANES, any_of, at, both, either, fma, gather_xy, gather_xyz, lane_mask, lane_max, lane_sum, larger, load8, root8, rsqrt8, select, splat
 from pdhpc.materials.bond_based import BondBasedLaw
 from pdhpc.materials.law import bond_weight, moment_weight, near_end, pull, weighting_between
 from pdhpc.materials.state_based import LinearSolidLaw
@@ -89,6 +89,14 @@ def _store(record):
     @implements(family.energy_row, record)
     def _energy_row(bonds, i, points, law, state, linear, third, energy):
         reference.energy_of(bonds, i, points, law, state, linear, third, energy)
+
+    @implements(family.raised_row, record)
+    def _raised_row(bonds, i, points, softening, linear, third):
+        most = splat(0.0 if linear is not None else -1.0)  # of minus the measures, and that of an unstretched bond
+        for k in range(bonds.row_start[i], bonds.row_start[i + 1], LANES):
+            measure, stretch, shrink, dx, dy, dz = _strains(bonds, i, k, points, load8(bonds.inv_length, k), linear, third)
+            most = larger(most, select(lane_mask(at(bonds.alive, k >> 3)), 0.0 - measure, most))
+        points.raised[i] = family.raise_of(points, i, softening, 0.0 - lane_max(most), linear)
 
     @implements(family.frequency_row, record)
     def _frequency_row(bonds, i, points, law, state, third):

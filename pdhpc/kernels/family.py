@@ -97,6 +97,10 @@ def frequency_row(bonds, i, points, law, state, third):
     """Return |A|/rho, 1/s^2, of the particle, the largest of the eight particles, from slot i on; see sweeps.largest_frequency2."""
 
 
+def raised_row(bonds, i, points, softening, linear, third):
+    """Set points.raised of the particle, or of the eight particles, from slot i on; see sweeps.smallest_stretches."""
+
+
 def row_width(bonds):
     """Return the number of particles that force_row and dilatation_row take at once."""
 
@@ -120,6 +124,13 @@ def bond_strain(bonds, points, i, j, k, linear, third):
         return measure, measure, 1.0, dx, dy, dz
     shrink = 1.0 / np.sqrt(measure)
     return measure, 1.0 - shrink, shrink, dx, dy, dz
+
+
+@inlined
+def raise_of(points, i, softening, least, linear):
+    """Return -alpha min(0, s_min) of particle i, `least` the smallest measure of its bonds and of an unstretched one; 0 in a cell without a particle."""
+    block = points.block[i]
+    return softening[block] * (0.0 - stretch_of(least, linear)) if block < len(softening) else 0.0
 
 
 @inlined

@@ -291,6 +291,23 @@ def _stretches(bonds, k, along2, linear):
     return fma(root8(along2), splat(at(bonds.inv_length, k)), splat(-1.0))
 
 
+@implements(family.raised_row, LatticeArrays)
+def _raised_row(bonds, i, points, softening, linear, third):
+    position, n, count = points.position, len(points.position), len(bonds.offset)
+    px, py = load8(position, i), load8(position, n + i)
+    pz = splat(0.0) if third is None else load8(position, 2 * n + i)
+    most = splat(0.0 if linear is not None else -1.0)  # of minus the measures, and that of an unstretched bond
+    for word in range(bonds.alive.shape[0]):
+        states = words8(bonds.alive, word * n + i)
+        for k in range(WORD * word, min(count, WORD * word + WORD)):
+            along2, dx, dy, dz = _vectors(bonds, position, i + at(bonds.offset, k), k, px, py, pz, linear, third)
+            measure = along2 * (at(bonds.inv_length, k) * at(bonds.inv_length, k))
+            most = larger(most, select(has_bit(states, k - WORD * word), 0.0 - measure, most))
+    store8(points.raised, i, most)
+    for lane in range(i, i + LANES):
+        points.raised[lane] = family.raise_of(points, lane, softening, 0.0 - points.raised[lane], linear)
+
+
 @implements(family.frequency_row, LatticeArrays)
 def _frequency_row(bonds, i, points, law, state, third):
     return frequency_of_eight(bonds, None, i, points, law, state, third)

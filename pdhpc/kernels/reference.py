@@ -6,8 +6,8 @@ several blocks or volumes, the bonds of marked particles, and the bonds that bre
 from pdhpc.jit import inlined, sweep
 from pdhpc.kernels.failure import fails, fails_by_strain, limit_stretch
 from pdhpc.kernels.family import (
-    bond_strain, break_bond, end_of_bonds, first_bond, inverse_length, is_alive, neighbour, over_energy, over_mass, reference_vector, row_width, share,
-    stretch_of,
+    bond_strain, break_bond, end_of_bonds, first_bond, inverse_length, is_alive, neighbour, over_energy, over_mass, raise_of, reference_vector, row_width,
+    share, stretch_of,
 )
 from pdhpc.materials.law import (
     bond_energy, bond_weight, far_end, moduli, moment_weight, near_end, pull, released_stretch, spherical_part, stiffness, volume_energy, weighting_between,
@@ -36,6 +36,20 @@ def dilatations(bonds, points, law, state, linear, third, rows, dissipated):
                 broken += break_row(bonds, i, points, law, state, linear, third, dissipated)
                 dilatation_of(bonds, i, points, law, state, linear, third)
     return broken
+
+
+@sweep
+def smallest_stretches(bonds, points, law, state, linear, third, rows, dissipated):
+    """Compute by how much compression raises critical stretches, as sweeps.smallest_stretches, whose parameters and result these are. Local."""
+    for t in range(len(rows)):
+        for i in range(rows[t], rows[t] + row_width(bonds)):
+            least = 0.0 if linear is not None else 1.0
+            for k in range(first_bond(bonds, i), end_of_bonds(bonds, i)):
+                if is_alive(bonds, i, k):
+                    measure, _, _, _, _, _ = bond_strain(bonds, points, i, neighbour(bonds, i, k), k, linear, third)
+                    least = min(least, measure)
+            points.raised[i] = raise_of(points, i, law.failure.softening, least, linear)
+    return 0
 
 
 @inlined

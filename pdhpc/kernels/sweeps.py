@@ -6,7 +6,7 @@ from pdhpc.jit import sweep
 from pdhpc.kernels import cloud, lattice, reference, shared  # noqa: F401  (they fill the functions of family.py in)
 from pdhpc.kernels.family import (
     bond_strain, dilatation_row, end_of_bonds, energy_row, first_bond, force_row, frequency_row, inverse_length, is_alive, neighbour, place,
-    reference_vector, row_width, share, stretch_of,
+    raised_row, reference_vector, row_width, share,
 )
 from pdhpc.kernels.reference import break_row
 from pdhpc.kernels.simd import chosen
@@ -54,10 +54,6 @@ def dilatations(bonds, points, law, state, linear, third, rows, dissipated):
     return broken
 
 
-if chosen() == "reference":
-    bond_forces, dilatations = reference.bond_forces, reference.dilatations
-
-
 @sweep
 def smallest_stretches(bonds, points, law, state, linear, third, rows, dissipated):
     """Compute raised_i = -alpha min(0, min_j s_ij), of points, over intact bonds: by how much compression raises the critical stretch of each particle.
@@ -68,16 +64,13 @@ def smallest_stretches(bonds, points, law, state, linear, third, rows, dissipate
     -------
     int, 0: no bond breaks here.
     """
-    softening = law.failure.softening
     for t in range(len(rows)):
-        for i in range(rows[t], rows[t] + row_width(bonds)):
-            block, least = points.block[i], 0.0 if linear is not None else 1.0  # the measure of an unstretched bond
-            for k in range(first_bond(bonds, i), end_of_bonds(bonds, i)):
-                if is_alive(bonds, i, k):
-                    measure, _, _, _, _, _ = bond_strain(bonds, points, i, neighbour(bonds, i, k), k, linear, third)
-                    least = min(least, measure)
-            points.raised[i] = softening[block] * (0.0 - stretch_of(least, linear)) if block < len(softening) else 0.0
+        raised_row(bonds, rows[t], points, law.failure.softening, linear, third)
     return 0
+
+
+if chosen() == "reference":
+    bond_forces, dilatations, smallest_stretches = reference.bond_forces, reference.dilatations, reference.smallest_stretches
 
 
 @sweep

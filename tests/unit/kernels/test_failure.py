@@ -4,13 +4,14 @@ import itertools
 import numpy as np
 import pytest
 
-from pdhpc.kernels import sweeps
+from pdhpc.kernels import reference, sweeps
 from pdhpc.kernels.family import MIXED, PointArrays
 from pdhpc.kernels.neighbours import find_bonds
 from pdhpc.materials.bond_based import BondBased
 from pdhpc.materials.influence import value
 from pdhpc.materials.law import Setting
 from pdhpc.materials.state_based import LinearSolid
+from pdhpc.warm_up import PATHS, Variant, block
 
 N, RADIUS = 300, 1.0
 
@@ -102,3 +103,45 @@ def test_compression_raises_the_critical_stretch(material, dim, linear, row_bloc
     if isinstance(material, BondBased):
         energy = 0.25 * material.micromodulus(cloud.setting) * value("gaussian", cloud.r, RADIUS) * limit**2 * cloud.r * cloud.volume**2
         assert dissipated.sum() == pytest.approx(energy[broken].sum(), rel=1e-9)
+
+
+@pytest.mark.parametrize("row_block", [0, MIXED])
+@pytest.mark.parametrize("linear", [None, True])
+@pytest.mark.parametrize("model", ["pmb", "lps"])
+def test_one_bond_just_below_and_just_beyond_its_energy(model, linear, row_block):
+    """Two particles at distance r; lps at 3 K = 5 G, where no dilatation enters: m = omega r^2 V, a = 15 G/m, w = omega (2 a) (s r)^2/2 = 15 G s^2/V."""
+    r, volume, shear, critical = 0.8, 0.02, 0.7, 4 * 2e-3 / np.pi
+    material = BondBased("a", 1.0, 2.0, 2e-3, failure="energy") if model == "pmb" else LinearSolid("a", 1.0, 5 / 3 * shear, shear, 2e-3, failure="energy")
+    setting = Setting("3d", 1.0, 1.0, "gaussian", 0.0, "none", bool(linear))
+    stretch = np.sqrt(critical * volume / (15 * shear))
+    if model == "pmb":
+        stretch = np.sqrt(2 * critical / (material.micromodulus(setting) * np.exp(-(r**2)) * r))
+    for factor, broken in ((1 - 1e-6, 0), (1 + 1e-6, 2)):
+        reference, position = np.zeros((2, 4)), np.zeros((2, 4))
+        reference[1, 0], position[1, 0] = r, stretch * factor * r + (0 if linear else r)
+        bonds, _ = find_bonds(reference[:, :3].copy(), np.arange(2), 2, 1.0)
+        points = PointArrays(reference, position, np.full(2, volume), np.zeros(2, np.uint8), np.full(2, row_block, np.uint8))
+        law, slots, state = type(material).law([(material, True)], setting), np.arange(2, dtype=np.int32), None
+        if model == "lps":
+            state = np.zeros((2, 2))
+            sweeps.weighted_volumes(bonds, points, law, slots, state)
+            sweeps.dilatations(bonds, points, law, state, linear, 2, slots, np.zeros(2))
+        assert sweeps.bond_forces(bonds, points, law, state, linear, 2, slots, np.zeros((2, 3)), np.zeros(2)) == broken
+
+
+@pytest.mark.parametrize("path", PATHS)
+@pytest.mark.parametrize("linear", [False, True])
+def test_compression_eight_bonds_at_a_time_and_one_by_one_has_the_same_bits(path, linear):
+    subdomain, law = block(2, 9, 3.0, linear, path, variant=Variant(softening=0.25))
+    particles, arrays = subdomain.particles, subdomain.bonds.arrays
+    particles.put(particles.displacement, 1e-5 * np.random.default_rng(1).standard_normal((81, 2)))
+    particles.place()
+    particles.put(particles.displacement, np.zeros((81, 2)))
+    break_bond_of = arrays.alive if path == "cloud" else arrays.alive.ravel()
+    break_bond_of[::5] &= break_bond_of.dtype.type(0b10110111)
+    rows, found = np.concatenate(subdomain.rows), []
+    for sweep in (sweeps.smallest_stretches, reference.smallest_stretches):
+        subdomain.points.raised[:] = -1.0
+        assert sweep(arrays, subdomain.points, law, None, particles.linear, None, rows, particles.dissipated) == 0
+        found.append(particles.owned(subdomain.points.raised).copy())
+    assert np.array_equal(*found) and found[0].min() >= 0 and found[0].max() > 1e-4

@@ -69,3 +69,12 @@ def test_seconds_are_counted_by_phase():
     stepper = shaken("lattice").stepper()
     stepper.advance()
     assert set(stepper.seconds) == {"force", "exchange", "wait", "integrate"} and stepper.seconds["force"] > 0
+
+
+def test_forces_are_state_where_the_energy_of_state_based_bonds_decides():
+    """Bonds that broke in the last evaluation had a part in the dilatations that its forces came of."""
+    words = 'model = "lps"\npoissons_ratio = 0.3\nenergy_release_rate = 1e-3\nfailure = "energy"'
+    problem = problem_of(plate((10, 6), material=words, kinematics="finite"))
+    assert "force_density" in problem.stepper().state()
+    plain = problem_of(plate((10, 6), material=words.replace('"energy"', '"stretch"'), kinematics="finite"))
+    assert "force_density" not in plain.stepper().state()

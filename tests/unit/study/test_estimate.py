@@ -47,3 +47,23 @@ def test_a_region_without_particles_is_found_either_way(monkeypatch, small):
     assert estimate(parse_scene(plate((30, 20), extra=NO_FAIL.format(x=0.0)), "t")).particles == 600
     with pytest.raises(SceneError, match='"part", which selects no particle'):
         estimate(parse_scene(plate((30, 20), extra=NO_FAIL.format(x=14.9)), "t"))
+
+
+OTHER = '[[body]]\nname = "other"\nmaterial = "solid"\nshape = "box"\nlower = [15.0, -10.0]\nupper = [30.0, 10.0]\nhorizon = 4.0\n'
+
+
+def test_horizons_corrections_and_laws_count(monkeypatch):
+    """Both horizons in bonds, step and critical stretch; 8 bytes a bond for corrections and 8 a particle for softening."""
+    text = plate((30, 20), extra=OTHER, material="energy_release_rate = 1e-3")
+    plain = estimate(parse_scene(text, "t"))
+    assert plain.path.startswith("cloud") and [name for name, _ in plain.critical_stretch] == ["solid", "solid"]
+    monkeypatch.setattr(module, "_SMALL", 0)
+    rough = estimate(parse_scene(text, "t"))
+    assert rough.particles == 900 and plain.bonds < rough.bonds < 1.4 * plain.bonds
+    assert rough.critical_dt == pytest.approx(plain.critical_dt, rel=0.03)
+    corrected = estimate(parse_scene(text, "t", ["particles.surface_correction=energy"]))
+    softened = estimate(parse_scene(text, "t", ["material.solid.stretch_softening=0.25"]))
+    slots = np.ceil(rough.neighbours / 8) * 8
+    assert corrected.memory == pytest.approx(rough.memory + 900 * 8 * slots) and softened.memory == pytest.approx(rough.memory + 900 * 8)
+    by_energy = estimate(parse_scene(text, "t", ["material.solid.failure=energy"])).critical_stretch
+    assert len(by_energy) == 2 and "3 G/(2 t delta^3)" in by_energy[0][1] and f"w = {1.5e-3 / 27:.6g} " in by_energy[0][1]
