@@ -59,22 +59,23 @@ class Sphere(Disk):
 
 @dataclass(frozen=True)
 class Cylinder:
-    """Solid cylinder around the segment start-end, m; its ends are flat."""
+    """Cylinder around the segment start-end, m, with flat ends; hollow with an inner_radius above 0."""
 
     start: Tuple[float, float, float]
     end: Tuple[float, float, float]
     radius: float
+    inner_radius: float = 0.0
 
     def contains(self, points):
         """Return (n,) bool for points (n, 3), m."""
         along, across, length = self._coordinates(points)
         slack = _ON_BOUNDARY * max(length, self.radius)
-        return (along >= -slack) & (along <= length + slack) & (across <= self.radius + slack)
+        return (along >= -slack) & (along <= length + slack) & (across <= self.radius + slack) & (across >= self.inner_radius - slack)
 
     def distance(self, points):
         """Return (n,) m."""
         along, across, length = self._coordinates(points)
-        return np.hypot(np.maximum(0.0, np.maximum(-along, along - length)), np.maximum(0.0, across - self.radius))
+        return np.hypot(np.maximum(0.0, np.maximum(-along, along - length)), np.maximum(0.0, np.maximum(across - self.radius, self.inner_radius - across)))
 
     def _coordinates(self, points):
         """Return (along the axis from its start, distance from the axis, length of the axis), m."""

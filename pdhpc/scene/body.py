@@ -140,7 +140,7 @@ def make_shape(table):
     if kind == "box":
         return shapes.Box(tuple(table.lower), tuple(table.upper))
     if kind == "cylinder":
-        return shapes.Cylinder(tuple(table.start), tuple(table.end), table.radius)
+        return shapes.Cylinder(tuple(table.start), tuple(table.end), table.radius, table.inner_radius or 0.0)
     if kind == "half_space":
         return shapes.HalfSpace(tuple(table.point), tuple(table.normal))
     if kind == "band":

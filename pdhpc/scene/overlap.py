@@ -1,12 +1,13 @@
-"""Whether shapes of a scene overlap, contain one another, or meet: exactly for boxes, disks and balls, by bounding boxes for cylinders."""
+"""Whether shapes of a scene overlap, contain one another, or meet: exactly for boxes, disks and balls, by bounding boxes for cylinders; bores count as holes."""
 from pdhpc.scene.fields import length
 
 
 def overlap(first, second, slack):
-    """Whether two bodies share more than their surfaces: they overlap by more than `slack` (m) and neither lies in a hole of the other."""
+    """Whether two bodies share more than their surfaces: they overlap by more than `slack` (m) and neither lies in a hole or the bore of the other."""
     if not _shapes_overlap(first, second, slack):
         return False
-    return not any(_inside(one, hole, slack) for one, other in ((first, second), (second, first)) for hole in other.hole)
+    pairs = (first, second), (second, first)
+    return not any(_in_bore(one, other, slack) or any(_inside(one, hole, slack) for hole in other.hole) for one, other in pairs)
 
 
 def meet(first, second):
@@ -42,12 +43,46 @@ def _shapes_overlap(first, second, slack):
 
 
 def _inside(body, hole, slack):
-    """Whether a body certainly lies in a hole: round in round, cylinder in cylinder, else all corners of its bounding box."""
+    """Whether a body certainly lies in a hole: round in round, cylinder in cylinder, else all corners of its bounding box; nothing but a tube in a hollow one."""
+    bore = _bore_of(hole)
+    if bore and not (body.shape == "cylinder" and _bore_of(body) - _across(body.start, hole) >= bore - slack and _parallel(body, hole)):
+        return False
     if _is_round(body) and _is_round(hole):
         return length(_minus(body.center, hole.center)) + body.radius <= hole.radius + slack
     if body.shape == hole.shape == "cylinder":
         return all(_in_cylinder(end, hole, slack, body) for end in (body.start, body.end))
     return all(_contains(hole, corner, slack) for corner in _corners(body.bounding_box()))
+
+
+def _in_bore(body, other, slack):
+    """Whether a body certainly lies in the bore of another one, which goes on beyond its ends."""
+    bore = _bore_of(other)
+    if not bore:
+        return False
+    if body.shape == "cylinder":
+        return all(_across(end, other) + body.radius <= bore + slack for end in (body.start, body.end))
+    if _is_round(body):
+        return _across(body.center, other) + body.radius <= bore + slack
+    return all(_across(corner, other) <= bore + slack for corner in _corners(body.bounding_box()))
+
+
+def _bore_of(shape):
+    """Return the radius of the bore of a shape, 0 without one, m."""
+    return (shape.inner_radius or 0.0) if shape.shape == "cylinder" else 0.0
+
+
+def _across(point, cylinder):
+    """Return the distance of a point from the axis of a cylinder, m."""
+    size = length(cylinder.axis())
+    offset = _minus(point, cylinder.start)
+    along = _dot(offset, cylinder.axis()) / size
+    return length([x - along * n / size for x, n in zip(offset, cylinder.axis())])
+
+
+def _parallel(first, second):
+    """Whether two cylinders have the same direction."""
+    a, b = first.axis(), second.axis()
+    return abs(_dot(a, b)) >= (1 - 1e-12) * length(a) * length(b)
 
 
 def _contains(shape, point, slack):

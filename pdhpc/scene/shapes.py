@@ -73,20 +73,23 @@ class SphereShape(_Round):
 
 
 class CylinderShape(ShapeTable):
-    """Solid cylinder in 3D."""
+    """Cylinder in 3D, solid or hollow."""
 
-    shape: Literal["cylinder"] = key("solid cylinder with flat ends, 3D")
+    shape: Literal["cylinder"] = key("cylinder with flat ends, 3D")
     start: Vector = key("centre of one end", "m")
     end: Vector = key("centre of the other end", "m")
     radius: Positive = key("radius", "m")
+    inner_radius: Optional[Positive] = key("radius of its bore, in which another body may lie (default: none, a solid cylinder)", "m", default=None)
 
     def check(self, dim):
-        """Raise a Rule in 2D or for ends that coincide."""
+        """Raise a Rule in 2D, for ends that coincide, or for a bore as wide as the cylinder."""
         only_in(3, dim, "shape", "cylinder", "box or disk")
         check_vector("start", self.start, dim)
         check_vector("end", self.end, dim)
         if length(self.axis()) == 0:
             raise Rule("end", self.end, "a point other than start")
+        if self.inner_radius is not None and self.inner_radius >= self.radius:
+            raise Rule("inner_radius", self.inner_radius, f"a number above 0 and below radius = {self.radius}")
 
     def axis(self):
         """Return the vector from start to end, m."""

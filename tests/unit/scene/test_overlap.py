@@ -20,12 +20,14 @@ def disk(center, radius, *holes):
     return body("disk", *holes, center=center, radius=radius)
 
 
-def cylinder(start, end, radius, *holes):
-    return body("cylinder", *holes, start=start, end=end, radius=radius)
+def cylinder(start, end, radius, *holes, **more):
+    return body("cylinder", *holes, start=start, end=end, radius=radius, **more)
 
 
 UNIT, DISK_HOLE = ([0, 0], [1, 1]), {"shape": "disk", "center": [0.5, 0.5], "radius": 0.25}
 BORE = {"shape": "cylinder", "start": [0, 0, 0], "end": [0, 0, 4], "radius": 1}
+TUBE = cylinder([0, 0, 0], [0, 0, 4], 2, inner_radius=1)
+RING_HOLE = box([-3, -3, 0], [3, 3, 4], {"shape": "cylinder", "start": [0, 0, 0], "end": [0, 0, 4], "radius": 2, "inner_radius": 1})
 
 
 @pytest.mark.parametrize("first, second, expected", [
@@ -43,6 +45,20 @@ BORE = {"shape": "cylinder", "start": [0, 0, 0], "end": [0, 0, 4], "radius": 1}
     (box([-2, -2, 0], [2, 2, 4], BORE), cylinder([0, 0, 1], [0, 0, 3], 1), False),
     (box([-2, -2, 0], [2, 2, 4], BORE), cylinder([0, 0, 1], [0, 0, 3], 1.1), True),
     (box([-2, -2, 0], [2, 2, 4], BORE), cylinder([0.3, 0, 1], [0.3, 0, 3], 0.7), False),
+    (TUBE, cylinder([0, 0, -3], [0, 0, 9], 1), False),  # fills the bore and sticks out of it
+    (TUBE, cylinder([0, 0, 0], [0, 0, 4], 1.1), True),
+    (TUBE, cylinder([0.3, 0, 0], [0.3, 0, 4], 0.7), False),
+    (TUBE, cylinder([0.4, 0, 0], [0.4, 0, 4], 0.7), True),
+    (TUBE, cylinder([-0.6, 0, 1], [0.6, 0, 3], 0.4), False),  # across the bore, end discs within it
+    (TUBE, body("sphere", center=[0.5, 0, 9], radius=0.5), False),
+    (TUBE, body("sphere", center=[0.5, 0, 2], radius=0.6), True),
+    (TUBE, box([-0.7, -0.7, 1], [0.7, 0.7, 2]), False),  # its corners stand 0.99 from the axis
+    (TUBE, box([-0.8, -0.8, 1], [0.8, 0.8, 2]), True),
+    (TUBE, cylinder([0, 0, 0], [0, 0, 4], 3, inner_radius=2), False),  # a tube around the tube
+    (TUBE, cylinder([0, 0, 0], [0, 0, 4], 3, inner_radius=1.9), True),
+    (RING_HOLE, cylinder([0, 0, 1], [0, 0, 3], 2, inner_radius=1), False),  # a tube in a ring cut out of a box
+    (RING_HOLE, cylinder([0, 0, 1], [0, 0, 3], 2, inner_radius=0.9), True),
+    (RING_HOLE, cylinder([0, 0, 1], [0, 0, 3], 2), True),  # the box still fills the ring's middle
     (box([-2, -2, 0], [2, 2, 4], BORE), cylinder([0, 0, 1], [0, 0, 5], 1), True),  # sticks out of the bore: still beside the box, as far as bounding boxes tell no
 ])
 def test_overlap(first, second, expected):

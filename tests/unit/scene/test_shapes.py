@@ -11,6 +11,7 @@ SHAPES = [
     {"shape": "box", "lower": [0, 0, 0], "upper": [1, 2, 3]},
     {"shape": "sphere", "center": [1, 0, 0], "radius": 2},
     {"shape": "cylinder", "start": [0, 0, 0], "end": [1, 1, 0], "radius": 0.5},
+    {"shape": "cylinder", "start": [0, 0, 0], "end": [1, 1, 0], "radius": 0.5, "inner_radius": 0.4},
     {"shape": "half_space", "point": [0, 0, 0], "normal": [0, 0, 1]},
 ]
 
@@ -23,7 +24,12 @@ def test_bounding_boxes_are_those_of_the_geometry(table):
         assert np.allclose(mine, geometry)
 
 
-@pytest.mark.parametrize("table", SHAPES[1:3], ids=lambda table: table["shape"])
+def test_a_bore_is_narrower_than_its_cylinder():
+    with pytest.raises(Rule, match="below radius = 0.5"):
+        REGION.validate_python({"name": "r", **SHAPES[2], "inner_radius": 0.5}).check(3)
+
+
+@pytest.mark.parametrize("table", SHAPES[1:4], ids=lambda table: table["shape"])
 def test_round_bodies_of_three_dimensions_are_refused_in_two(table):
     with pytest.raises(Rule, match="in 2D"):
         REGION.validate_python({"name": "r", **table}).check(2)
