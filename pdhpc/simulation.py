@@ -21,7 +21,7 @@ from pdhpc.output.record import OutputError, claim_directory, write_json
 from pdhpc.parallel.comm import agree_on_error, on_root, world
 from pdhpc.parallel.linear_solver import SolverError, start_petsc
 from pdhpc.run import RunError, drive
-from pdhpc.scene.body import make_body
+from pdhpc.scene.body import law_of, path_of
 from pdhpc.scene.build import build
 from pdhpc.scene.gauges import make_fragments, make_gauges
 from pdhpc.scene.mesh_rules import unused
@@ -214,15 +214,16 @@ def _compile_first_on_each_node(comm, scene):
 def _compile(scene, comm):
     """Compile the kernels that a scene uses; comm : of this process alone. Local."""
     from pdhpc.scene.mesh_warm_up import compile_coupled, compile_mesh
-    from pdhpc.warm_up import compile_coupling, compile_fragments, compile_kernels, variant_of
+    from pdhpc.warm_up import compile_coupling, compile_fragments, compile_kernels, compile_points, variant_of
 
     if scene.uses_mesh:
         (compile_mesh if scene.model == "fem" else compile_coupled)(scene, comm)
     if scene.model != "fem":
-        body = make_body(scene)
-        path, model, linear = body.path.split(":")[0], scene.material[0].model, scene.particles.kinematics == "linear"
-        compile_kernels((scene.dim,), (path,), (model,), (linear,), variant_of(body.law, scene.particles.surface_correction))
+        path, model, linear = path_of(scene), scene.material[0].model, scene.particles.kinematics == "linear"
+        compile_kernels((scene.dim,), (path,), (model,), (linear,), variant_of(law_of(scene), scene.particles.surface_correction))
         if scene.method != "single":
             compile_coupling(scene.dim, path, model, linear)
         if scene.fragments is not None:
             compile_fragments(scene.dim, path)
+        if scene.brings_points:
+            compile_points(scene.dim, comm)

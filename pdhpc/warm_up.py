@@ -6,6 +6,7 @@ import numpy as np
 
 from pdhpc.conditions.loads import BodyForce, PrescribedMotion
 from pdhpc.conditions.time_functions import Constant
+from pdhpc.fem.cell_points import compile_cells
 from pdhpc.geometry.cracks import disk, polyline
 from pdhpc.geometry.lattice import LatticeBody, find_common_lattice
 from pdhpc.geometry.shapes import Box
@@ -27,11 +28,13 @@ from pdhpc.parallel.ghosts import compile_messages
 from pdhpc.parallel.partition import Partition
 from pdhpc.peridynamics.bonds import cut_by_cracks
 from pdhpc.peridynamics.critical_step import stable_step
+from pdhpc.peridynamics.crowding import find_crowded
 from pdhpc.peridynamics.fields import field, strain_energy_density
 from pdhpc.peridynamics.internal_forces import InternalForces
 from pdhpc.peridynamics.lattice_subdomain import make_lattice_subdomain, sample_lattice
 from pdhpc.peridynamics.subdomain import make_subdomain, mark_mixed
 from pdhpc.peridynamics.surface import correct_surfaces
+from pdhpc.scene.face_area import area_over_volume
 
 PATHS, MODELS = ("lattice", "cloud"), ("pmb", "lps")
 
@@ -85,7 +88,7 @@ def block(dim, cells, ratio, linear=False, path="lattice", model="pmb", variant=
     whole = Partition(np.empty(0, np.int64), np.empty(0), np.empty((0, 2), np.int64), 1)
     radius = ratio * (1 + 1e-9) * spacing
 
-    def describe(points, number):
+    def describe(points, number, ids):
         return np.full(len(points), spacing**dim), np.zeros(len(points), np.uint8)
 
     if path == "lattice":
@@ -144,6 +147,15 @@ def compile_coupling(dim, path, model, linear):
     for name in ("stress", "strain"):
         field(name, subdomain, law)
     compile_messages(np.zeros((1, dim)), np.zeros((1, 1), np.uint64), np.zeros((1, dim + 1))[:, :dim], np.zeros((dim, 1)).T)
+
+
+def compile_points(dim, comm):
+    """Call every kernel of bodies from files once. Collective over `comm`."""
+    compile_cells(dim)
+    subdomain, _ = block(dim, 4, 2.0, path="cloud")
+    points, volume = subdomain.places(), np.full(subdomain.particles.n_owned, 1e-3**dim)
+    find_crowded(subdomain, np.full(len(volume), 1e-3), np.zeros(len(volume), np.int64), np.full((1, 1), 1e-8))
+    area_over_volume(comm, points, volume, 1.0, 0)
 
 
 class NoExchange:

@@ -167,6 +167,8 @@ def find_common_lattice(bodies):
     """Return (CommonLattice, None), or (None, why the bodies share none)."""
     origin, spacing, shifts = bodies[0].bounds()[0], bodies[0].spacing, []
     for number, body in enumerate(bodies):
+        if body.spacing != spacing:
+            return None, f"body {number + 1} has a spacing of {body.spacing:g} m, body 1 of {spacing:g} m"
         offset = (body.bounds()[0] - origin) / spacing
         shift = np.rint(offset)
         axis = int(np.argmax(np.abs(offset - shift)))

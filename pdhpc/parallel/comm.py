@@ -76,6 +76,13 @@ def largest(comm, value):
     return comm.allreduce(value, op=_op("MAX"))
 
 
+def join_marks(comm, marks):
+    """Set in `marks`, a uint8 array of the same shape on every rank, what any rank set. Collective."""
+    from mpi4py import MPI
+
+    comm.Allreduce(MPI.IN_PLACE, marks, MPI.MAX)
+
+
 def part_of(comm, takes_part):
     """Return the communicator of the ranks that take part, and one of this rank alone to the others. Collective."""
     from mpi4py import MPI

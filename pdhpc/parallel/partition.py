@@ -31,6 +31,22 @@ class Partition(NamedTuple):
             right = points[inner, self.axis[here]] >= self.cut[here]
             node[inner] = self.child[here, right.astype(np.int64)]
 
+    def ranks_near(self, points, reach):
+        """Return (row, rank), (m,) int64 both: the points (n, dim), m, in the boxes of ranks grown by `reach`, m; each in its owner's, some in others' too. Local."""
+        row = np.arange(len(points))
+        node = np.zeros(len(points), np.int64) if self.size > 1 else np.full(len(points), -1, np.int64)
+        rows, ranks = [], []
+        while len(row):
+            leaf = node < 0
+            rows.append(row[leaf])
+            ranks.append(-node[leaf] - 1)
+            row, node = row[~leaf], node[~leaf]
+            offset = points[row, self.axis[node]] - self.cut[node]
+            left, right = offset < reach, offset >= -reach
+            node = np.concatenate([self.child[node[left], 0], self.child[node[right], 1]])
+            row = np.concatenate([row[left], row[right]])
+        return tuple(np.concatenate(each) if each else np.empty(0, np.int64) for each in (rows, ranks))
+
     def box(self, rank, dim):
         """Return (lower, upper), m, of the half-open box that `rank` owns; outer sides are infinite. Local."""
         lower, upper = np.full(dim, -np.inf), np.full(dim, np.inf)

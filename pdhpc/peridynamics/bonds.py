@@ -7,6 +7,17 @@ from pdhpc.kernels import bond_states
 from pdhpc.kernels.neighbours import BondArrays, find_bonds, mark_used, renumber
 
 
+class SamePlace(ValueError):
+    """Two particles lie at the same place; ids : of both."""
+
+    def __init__(self, *ids):
+        super().__init__("two particles lie at the same place: bodies overlap")
+        self.ids = ids
+
+    def __reduce__(self):
+        return SamePlace, self.ids
+
+
 @dataclass
 class Bonds:
     """Families of the owned particles.
@@ -55,11 +66,13 @@ def find_families(reference, ids, n_owned, radius, group=None):
 
     Raises
     ------
-    ValueError: two particles at the same place.
+    SamePlace: two particles at the same place.
     """
     arrays, sizes = find_bonds(reference, ids, n_owned, radius, group)
     if not np.all(np.isfinite(arrays.inv_length)):
-        raise ValueError("two particles lie at the same place: bodies overlap")
+        slot = int(np.argmin(np.isfinite(arrays.inv_length)))
+        row = int(np.searchsorted(arrays.row_start, slot, side="right")) - 1
+        raise SamePlace(int(ids[row]), int(ids[arrays.neighbour[slot]]))
     keep = mark_used(arrays.neighbour, len(ids))
     keep[:n_owned] = True
     renumber(arrays.neighbour, (np.cumsum(keep) - 1).astype(np.int32))

@@ -93,7 +93,7 @@ def make_lattice_subdomain(bodies, lattice, partition, rank, radius, describe, l
     Parameters
     ----------
     bodies : list of LatticeBody. lattice : CommonLattice. partition : Partition, cut between layers of cells. radius : m, of the families.
-    describe : function (points, body index) -> (volume, block). law : of materials/. linear : bool, kinematics.
+    describe : function (points, body index, ids) -> (volume, block). law : of materials/. linear : bool, kinematics.
 
     Raises
     ------
@@ -152,7 +152,7 @@ def _fill(bodies, grid, describe):
             slots, mine = grid.slots(slab, grid.lattice.shifts[number]), grid.owns(slab, grid.lattice.shifts[number])
             if number and (block[slots] != MIXED).any():
                 raise ValueError("two particles lie at the same place: bodies overlap")
-            volume, block[slots] = describe(slab.points, np.full(len(slots), number, np.int32))
+            volume, block[slots] = describe(slab.points, np.full(len(slots), number, np.int32), slab.ids)
             cell_volume = float(volume[0])
             owned.append((slab.ids[mine], slots[mine]))
             others.append((slab.ids[~mine], slots[~mine], slab.points[~mine]))

@@ -99,15 +99,25 @@ def sample_with_weights(bodies, bounds, rank, size, radius):
     The slabs cut the longest side of `bounds` (lower, upper), m; weights (n,) int64 are numbers of neighbours, at least 1, times the particles that each of
     the points stands for.
     """
+    return sample_in(bodies, *slab_of(bounds, rank, size), radius)
+
+
+def slab_of(bounds, rank, size):
+    """Return (lower, upper), m, of the rank-th of `size` equal slabs of space, which cut the longest side of `bounds` (lower, upper), m. Local."""
     lower, upper = bounds
     axis = int(np.argmax(upper - lower))
     edges = np.linspace(lower[axis], upper[axis], size + 1)
     edges[0], edges[-1] = -np.inf, np.inf
     low, high = np.full(len(lower), -np.inf), np.full(len(lower), np.inf)
-    reach = np.max(radius) * (1 + _MARGIN)
-    low[axis], high[axis] = edges[rank] - reach, edges[rank + 1] + reach
-    ids, points, body = points_of_bodies(bodies, low, high)
-    inside = (points[:, axis] >= edges[rank]) & (points[:, axis] < edges[rank + 1])
+    low[axis], high[axis] = edges[rank], edges[rank + 1]
+    return low, high
+
+
+def sample_in(bodies, lower, upper, radius):
+    """Return (points, weights) as sample_with_weights of the half-open box lower <= x < upper, m. Local."""
+    reach = reach_of(radius)
+    ids, points, body = points_of_bodies(bodies, lower - reach, upper + reach)
+    inside = np.all((points >= lower) & (points < upper), axis=1)
     share = max(1, int(inside.sum()) // SAMPLE)
     chosen = inside & ((ids * 2654435761 >> 12) % share == 0)  # all particles of a small body, a scattered share of a large one
     points, body = (np.concatenate([values[chosen], values[~chosen]]) for values in (points, body))
@@ -115,15 +125,21 @@ def sample_with_weights(bodies, bounds, rank, size, radius):
     return points[:n], np.maximum(1, count_neighbours(points, n, radius, body)).astype(np.int64) * share
 
 
+def reach_of(radius):
+    """Return how far from a box, m, ghosts of its particles are looked for: the family radius, the largest of a table, and a little more."""
+    return np.max(radius) * (1 + _MARGIN)
+
+
 def make_subdomain(bodies, partition, rank, radius, describe, linear):
     """Return the Subdomain that `rank` owns. Local.
 
     Parameters
     ----------
-    bodies : list of LatticeBody. partition : Partition. radius : m, of the families, or a table (n_body, n_body) by the bodies of both ends, 0 for no bonds.
-    describe : function (points, body index) -> (volume, block) of particles, m^3 and uint8. linear : bool, kinematics.
+    bodies : list of LatticeBody and of PointBody with the points in reach. partition : Partition.
+    radius : m, of the families, or a table (n_body, n_body) by the bodies of both ends, 0 for no bonds.
+    describe : function (points, body index, ids) -> (volume, block) of particles, m^3 and uint8. linear : bool, kinematics.
     """
-    dim = len(bodies[0].cells)
+    dim = len(bodies[0].bounds()[0])
     lower, upper = partition.box(rank, dim)
     ids, points, body = points_of_bodies(bodies, lower, upper)
     ghost_ids, ghost_points, ghost_body, ghost_owner = _ghost_candidates(bodies, partition, rank, np.max(radius), points)
@@ -132,7 +148,7 @@ def make_subdomain(bodies, partition, rank, radius, describe, linear):
     del ghost_points, ghost_ids
     bonds, keep = find_families(points, ids, n_owned, radius, body)
     ids, points, body, ghost_owner = ids[keep], points[keep], body[keep], ghost_owner[keep[n_owned:]]
-    volume, block = describe(points, body)
+    volume, block = describe(points, body, ids)
     particles = Particles(ids, points, volume, block, n_owned, linear)
     border = _touch_ghosts(bonds.arrays.row_start, bonds.arrays.neighbour, n_owned)
     arrays = PointArrays(particles.padded_reference, particles.position, particles.volume, particles.block, _row_blocks(particles, bonds))
@@ -144,7 +160,7 @@ def _ghost_candidates(bodies, partition, rank, radius, owned):
     dim = owned.shape[1]
     if len(owned) == 0 or partition.size == 1:
         return np.empty(0, np.int64), np.empty((0, dim)), np.empty(0, np.int32), np.empty(0, np.int64)
-    reach = radius * (1 + _MARGIN)
+    reach = reach_of(radius)
     inner_lower, inner_upper = partition.box(rank, dim)
     lower = np.where(np.isfinite(inner_lower), owned.min(axis=0) - reach, -np.inf)
     upper = np.where(np.isfinite(inner_upper), owned.max(axis=0) + reach, np.inf)

@@ -6,23 +6,36 @@ import numpy as np
 
 from pdhpc.geometry import shapes
 from pdhpc.geometry.lattice import CommonLattice, LatticeBody, find_common_lattice
+from pdhpc.geometry.points import PointBody
 from pdhpc.materials.bond_based import BondBased
 from pdhpc.materials.law import Setting, between, reach_of
 from pdhpc.materials.state_based import LinearSolid
+from pdhpc.scene.point_bodies import PointFiles, bit_of
+from pdhpc.scene.sections import section
 
 
 class Body(NamedTuple):
     """The bodies of a scene as geometry, with what tells their particles apart."""
 
-    lattices: List[LatticeBody]
+    lattices: List[object]  # LatticeBody, or PointBody of a body from a file, as scene.body
     materials: List[object]  # BondBased or LinearSolid
     law: object  # of these materials, see materials/law.py
-    blocks: dict  # (kind, may fail) -> block; kind: material number or, where horizons differ, the place in `kinds`
-    kinds: list  # (material number, Setting), one for each material, or for each pair of material and horizon
+    blocks: dict  # (kind, may fail) -> block; kind: material number or, where Settings differ, the place in `kinds`
+    kinds: list  # (material number, Setting), one for each material, or for each material with the horizon and spacing of a body
     reach: object  # family radius, m, or a table of it by the bodies of both ends, 0 for no bonds
-    cell_volume: float  # m^3
+    volumes: List[float]  # m^3, of a particle of each body, the mean one of a body from a file
     lattice: Optional[CommonLattice]  # that all bodies lie on: then the lattice path is taken
     path: str  # "lattice" or "cloud", and why
+
+    @property
+    def cell_volume(self):
+        """Volume of a particle of the first body, m^3."""
+        return self.volumes[0]
+
+    @property
+    def brings_points(self):
+        """Whether some of the bodies are PointBodies."""
+        return any(isinstance(each, PointBody) for each in self.lattices)
 
     def number_of(self, ids):
         """Return (n,) the body of each particle, by global id."""
@@ -35,8 +48,7 @@ class Body(NamedTuple):
 
     def calibration(self):
         """Return ([(material, may fail)] by block, their Settings), as laws take them."""
-        kinds = [self.kinds[kind] for kind, _ in self.blocks]
-        return [(self.materials[number], may_fail) for (number, _), (_, may_fail) in zip(kinds, self.blocks)], [setting for _, setting in kinds]
+        return _calibration(self.materials, self.kinds, self.blocks)
 
 
 def radius_of(scene):
@@ -58,41 +70,72 @@ def reach_between_bodies(scene):
     return float(table[0, 0]) if (table == table[0, 0]).all() else table
 
 
-def make_body(scene):
-    """Return the Body of a scene. Local; allocates nothing that grows with the number of particles."""
-    setting = scene.particles
+def make_body(scene, comm=None):
+    """Return the Body of a scene; allocates nothing that grows with the number of particles. Local, but Collective over `comm` for bodies from files.
+
+    Raises
+    ------
+    SceneError, on every rank: as point_bodies.PointFiles, which holds their points.
+    """
     lattices, first_id = [], 0
-    for body in scene.body:
-        holes = tuple(make_shape(hole) for hole in body.hole)
-        lattices.append(LatticeBody(make_shape(body), setting.spacing, first_id, holes))
+    files = PointFiles(scene, comm) if scene.brings_points else None
+    for number, body in enumerate(scene.body):
+        if body.file is not None:
+            lattices.append(files.body(number, first_id))
+        else:
+            holes = tuple(make_shape(hole) for hole in body.hole)
+            lattices.append(LatticeBody(make_shape(body), scene.spacing_of(body), first_id, holes))
         first_id = lattices[-1].last_id
     materials = [_make_material(table) for table in scene.material]
-    failing = (True, False) if scene.damage.no_fail or scene.model == "gfem" else (True,)
     kinds, reach = kinds_of(scene), reach_between_bodies(scene)
-    blocks = {key: block for block, key in enumerate((kind, may_fail) for kind in range(len(kinds)) for may_fail in failing)}
-    lattice, path = _choose_path(scene, lattices, np.ndim(reach) > 0)
-    body = Body(lattices, materials, None, blocks, kinds, reach, setting.spacing**scene.dim * scene.thickness, lattice, path)
-    return body._replace(law=type(materials[0]).law(*body.calibration()))
+    lattice, path = choose_path(scene, lattices, np.ndim(reach) > 0)
+    return Body(lattices, materials, law_of(scene), _blocks_of(scene, kinds), kinds, reach, [each.spacing**scene.dim * scene.thickness for each in lattices], lattice, path)
+
+
+def law_of(scene):
+    """Return the law of the materials of a scene, without reading files. Local."""
+    materials, kinds = [_make_material(table) for table in scene.material], kinds_of(scene)
+    return type(materials[0]).law(*_calibration(materials, kinds, _blocks_of(scene, kinds)))
+
+
+def _blocks_of(scene, kinds):
+    """Return {(place in kinds, may fail): block}."""
+    failing = (True, False) if scene.damage.no_fail or scene.model == "gfem" else (True,)
+    return {key: block for block, key in enumerate((kind, may_fail) for kind in range(len(kinds)) for may_fail in failing)}
+
+
+def _calibration(materials, kinds, blocks):
+    """Return Body.calibration of these materials, kinds and blocks."""
+    each = [(*kinds[kind], may_fail) for kind, may_fail in blocks]
+    return [(materials[number], may_fail) for number, _, may_fail in each], [setting for _, setting, _ in each]
 
 
 def kinds_of(scene):
     """Return [(material number, Setting)] of the bodies, each pair once, in the order of the materials."""
+    return sorted(dict.fromkeys(kinds_by_body(scene)), key=lambda kind: kind[0])
+
+
+def kinds_by_body(scene):
+    """Return the (material number, Setting) of each body."""
     names = [material.name for material in scene.material]
-    kinds = dict.fromkeys((names.index(body.material), setting_of(scene, body)) for body in scene.body)
-    return sorted(kinds, key=lambda kind: kind[0])
+    return [(names.index(body.material), setting_of(scene, body)) for body in scene.body]
 
 
 def calibration_of(scene):
-    """Return the Setting that calibrates the materials of bodies without a horizon of their own."""
+    """Return the Setting that calibrates the materials of bodies without a horizon or a spacing of their own."""
     setting = scene.particles
     linear = setting.kinematics == "linear"
     return Setting(scene.dimension, setting.horizon, scene.thickness, setting.influence, setting.spacing, setting.volume_correction, linear)
 
 
 def setting_of(scene, body):
-    """Return the Setting that calibrates the material of a body."""
+    """Return the Setting that calibrates the material of a body: with its own horizon and, where weights of bonds know one, its own spacing."""
     setting = calibration_of(scene)
-    return setting if body.horizon is None else setting._replace(horizon=body.horizon)
+    if body.horizon is not None:
+        setting = setting._replace(horizon=body.horizon)
+    if body.spacing is not None and setting.volume_correction == "linear" and setting.influence != "conical":
+        setting = setting._replace(spacing=body.spacing)
+    return setting
 
 
 def _make_material(table):
@@ -106,10 +149,16 @@ def _make_material(table):
     return LinearSolid(table.name, table.density, *moduli, *strength)
 
 
-def _choose_path(scene, lattices, by_pair):
-    """Return (CommonLattice or None, "lattice: why" or "cloud: why"); by_pair: family radii differ between pairs of bodies."""
+def choose_path(scene, lattices, by_pair):
+    """Return (CommonLattice or None, "lattice: why" or "cloud: why").
+
+    lattices : of the bodies, not looked at where files make some of them. by_pair : whether family radii differ between pairs of bodies.
+    """
     if scene.particles.path == "cloud":
         return None, 'cloud: asked for by particles.path = "cloud"'
+    if scene.brings_points:
+        number, body = next((number, body) for number, body in enumerate(scene.body) if body.file is not None)
+        return None, f"cloud: {section('body', number, body)} comes from a file"
     needed = _needs_cloud(scene, by_pair)
     if needed is not None:
         if scene.particles.path == "lattice":
@@ -148,23 +197,49 @@ def make_shape(table):
     return (shapes.Disk if kind == "disk" else shapes.Sphere)(tuple(table.center), table.radius)
 
 
-def describe(scene, body, points, number):
-    """Return (volume, block) of points (n, dim) of the bodies `number` (n,)."""
-    names = [material.name for material in scene.material]
-    kind = np.array([body.kinds.index((names.index(each.material), setting_of(scene, each))) for each in scene.body])[number]
+def path_of(scene):
+    """Return the path that the particles of a scene take, "lattice" or "cloud", without reading files. Local."""
+    return "cloud" if scene.brings_points else make_body(scene).path.split(":")[0]
+
+
+def describe(scene, body, points, number, ids):
+    """Return (volume, block) of points (n, dim) of the bodies `number` (n,), with their global ids (n,)."""
+    kind = np.array([body.kinds.index(each) for each in kinds_by_body(scene)])[number]
     fixed = np.zeros(len(points), dtype=bool)
     for name in scene.damage.no_fail:
-        fixed |= select(scene, name, points, number)
+        fixed |= select(scene, body, name, points, number, ids)
     table = np.array([[body.blocks[(each, True)], body.blocks.get((each, False), 0)] for each in range(len(body.kinds))], dtype=np.uint8)
-    return np.full(len(points), body.cell_volume), table[kind, fixed.astype(int)]
+    volume = np.array(body.volumes)[number]
+    for place, each in enumerate(body.lattices):
+        if isinstance(each, PointBody):
+            mine = number == place
+            volume[mine] = each.volume[each.rows_of(ids[mine])]
+    return volume, table[kind, fixed.astype(int)]
 
 
-def select(scene, name, points, number):
-    """Return (n,) bool: which points (n, dim) of the bodies `number` (n,) lie in the region `name`. Local."""
+def select(scene, body, name, points, number, ids):
+    """Return (n,) bool: which points (n, dim) of the bodies `number` (n,), with global ids (n,), lie in the region `name`. Local.
+
+    body : Body, which holds the points of bodies from files that are asked for; those it does not hold are in no group.
+    """
     if name == "all":
         return np.ones(len(points), dtype=bool)
     region = next(each for each in scene.region if each.name == name)
+    if region.shape == "group":
+        return _in_group(scene, body, region.group, number, ids)
     inside = make_shape(region).contains(points)
     if region.body is not None:
         inside &= number == [each.name for each in scene.body].index(region.body)
+    return inside
+
+
+def _in_group(scene, body, group, number, ids):
+    """Return (n,) bool: which particles belong to a group of their body's file. Local."""
+    inside = np.zeros(len(ids), bool)
+    for place, each in enumerate(body.lattices):
+        if isinstance(each, PointBody):
+            mine = np.flatnonzero(number == place)
+            row = each.rows_of(ids[mine])
+            held = row >= 0
+            inside[mine[held]] = (each.marks[row[held]] & bit_of(scene, scene.body[place], group)) != 0
     return inside

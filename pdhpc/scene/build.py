@@ -31,7 +31,7 @@ def build(scene, comm):
 
 def _build_particles(scene, comm):
     """Return the Problem of a scene of particles. Collective."""
-    body = make_body(scene)
+    body = make_body(scene, comm)
     if scene.method != "single":
         return _build_regions(scene, body, comm)
     part = make_part(scene, body, comm, partition_of(scene, body, comm))

@@ -6,6 +6,7 @@ from pdhpc.conditions.conditions import ParticleConditions
 from pdhpc.conditions.loads import BodyForce, PrescribedMotion
 from pdhpc.kernels.bond_states import count_face
 from pdhpc.scene.body import select
+from pdhpc.scene.face_area import area_over_volume
 from pdhpc.scene.sections import section
 
 _PIECE = 1 << 18  # particles that a region is tested on at once: bounds the temporary memory
@@ -13,7 +14,7 @@ _PIECE = 1 << 18  # particles that a region is tested on at once: bounds the tem
 
 def select_particles(scene, body, parts, comm, name, key):
     """Return [(n_owned + n_ghost,) bool] of a region which must hold at least one particle; owned first, as in Particles.id. Collective."""
-    selected = [_inside(scene, body, part.subdomain, name) for part in parts]
+    selected = [_inside(scene, part.body, part.subdomain, name) for part in parts]
     if comm.allreduce(sum(int(inside[: part.subdomain.particles.n_owned].sum()) for inside, part in zip(selected, parts))) == 0:
         raise scene.error(key, f'"{name}", which selects no particle', "a region that holds at least one")
     return selected
@@ -26,7 +27,8 @@ def _inside(scene, body, subdomain, name):
     inside = np.empty(len(slots), bool)
     for first in range(0, len(slots), _PIECE):
         piece = slice(first, first + _PIECE)
-        inside[piece] = select(scene, name, subdomain.places_at(slots[piece]), body.number_of(particles.id[piece]))
+        ids = particles.id[piece]
+        inside[piece] = select(scene, body, name, subdomain.places_at(slots[piece]), body.number_of(ids), ids)
     return inside
 
 
@@ -57,15 +59,30 @@ def make_conditions(scene, body, parts, comm):
 def force_densities(scene, body, load, parts, selected, comm):
     """Return [(n_owned, dim) N/m^3] of a load at f = 1. Collective.
 
-    Traction: total force = value times the area A of the region's face with outward normal `face`, spread evenly over its volume V: b = value A / V.
+    Traction: total force = value times the area A of the region's face with outward normal `face`, spread evenly over its volume V: b = value A / V. Where all
+    particles have one spacing, A counts those without a neighbour of the region in that direction; else see face_area.py.
     """
     value = np.asarray(load.value, dtype=float)
     if load.type == "gravity":
         return [body.law.density[part.subdomain.particles.owned(part.subdomain.particles.block)][:, None] * value for part in parts]
-    if load.type == "traction":
+    if load.type == "traction" and (body.brings_points or len(set(body.volumes)) > 1):
+        value = value * _area_over_volume(scene, load, parts, selected, comm)
+    elif load.type == "traction":
         counts = comm.allreduce(sum(_count_face(scene, load, part, inside) for part, inside in zip(parts, selected)))
         value = value * (counts[0] / (counts[1] * scene.particles.spacing))
     return [np.broadcast_to(value, (part.subdomain.particles.n_owned, scene.dim)) for part in parts]
+
+
+def _area_over_volume(scene, load, parts, selected, comm):
+    """Return A/V, 1/m, of the region of a traction whose particles differ in size. Collective."""
+    points, volumes = [], []
+    for part, inside in zip(parts, selected):
+        particles = part.subdomain.particles
+        members = np.flatnonzero(part.counted() & inside[: particles.n_owned]) if particles.n_owned else np.empty(0, np.int64)
+        points.append(part.subdomain.places(members))
+        volumes.append(particles.owned(particles.volume)[members])
+    thickness = scene.thickness if scene.dim == 2 else 1.0
+    return area_over_volume(comm, np.concatenate(points), np.concatenate(volumes), thickness, "xyz".index(load.face[1]))
 
 
 def _count_face(scene, load, part, inside):

@@ -113,6 +113,12 @@ def _whole(value):
     return value
 
 
+def _integer(value):
+    if isinstance(value, bool) or not isinstance(value, int) or abs(value) >= 2**53:
+        raise ValueError("a whole number")
+    return value
+
+
 def _flag(value):
     if not isinstance(value, bool):
         raise ValueError("true or false")
@@ -183,6 +189,7 @@ NotNegative = Annotated[float, Kind(_not_negative, minimum=0)]
 Share = Annotated[float, Kind(_share, exclusiveMinimum=0, maximum=1)]
 Fraction = Annotated[float, Kind(_fraction, exclusiveMinimum=0, exclusiveMaximum=1)]
 Whole = Annotated[int, Kind(_whole, minimum=1, maximum=10**6)]
+Integer = Annotated[int, Kind(_integer)]
 Flag = Annotated[bool, Kind(_flag)]
 Text = Annotated[str, Kind(_text)]
 Name = Annotated[str, Kind(_name, pattern=f"^{_NAME}$", maxLength=_SHOWN)]

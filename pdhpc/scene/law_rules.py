@@ -35,13 +35,14 @@ def _check_horizons(scene):
             where = f"{section('body', number, body)}: horizon"
             if scene.uses_mesh:
                 raise Rule(where, body.horizon, f'no such key with model = "{scene.model}", which has the horizon of [particles] alone')
-            spacing = scene.particles.spacing
-            if not 2 * spacing * (1 - 1e-9) <= body.horizon <= 100 * spacing:
+            spacing = scene.spacing_of(body)
+            least = 2 * spacing if body.file is None else 0.0  # the sizes of particles are known when the file is read
+            if not least * (1 - 1e-9) <= body.horizon <= 100 * spacing:
                 raise Rule(where, body.horizon, f"2 to 100 spacings, {2 * spacing:g} to {100 * spacing:g} m")
-        kinds.add((body.material, body.horizon))
+        kinds.add((body.material, body.horizon, body.spacing))
     most = _MOST_BLOCKS // (2 if scene.damage.no_fail or scene.model == "gfem" else 1)
     if len(kinds) > most:
-        raise Rule("body", f"{len(kinds)} pairs of material and horizon", f"at most {most}")
+        raise Rule("body", f"{len(kinds)} different materials, horizons and spacings of bodies", f"at most {most}")
 
 
 def _check_interfaces(scene):

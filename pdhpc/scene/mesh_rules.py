@@ -49,8 +49,8 @@ def _check_shapes(scene):
         key = f"{section('body', number, body)}: shape"
         if from_file and body.shape != "mesh":
             raise Rule(key, f'"{body.shape}"', '"mesh": mesh.file makes the bodies')
-        if not from_file and body.shape == "mesh":
-            raise Rule(key, '"mesh"', '"box" or another shape: "mesh" goes with model = "fem" and mesh.file')
+        if scene.uses_mesh and not from_file and body.shape == "mesh":
+            raise Rule(key, '"mesh"', '"box", or "mesh" with model = "fem" and mesh.file')
         if scene.uses_mesh and not from_file and body.shape != "box":
             raise Rule(key, f'"{body.shape}"', '"box", or "mesh" with mesh.file: square cells fill boxes only')
     if from_file and len(scene.body) > 1:
@@ -60,11 +60,11 @@ def _check_shapes(scene):
                 raise Rule(key, "nothing beside other bodies", "the physical group of the file that holds the body's cells")
     groups = {region.name: number for number, region in enumerate(scene.region) if region.shape == "group"}
     for name, number in groups.items():
-        if not from_file:
-            raise Rule(f"region '{name}': shape", '"group"', '"box" or another shape: "group" goes with model = "fem" and mesh.file')
+        if not from_file and (scene.uses_mesh or not scene.brings_points):
+            raise Rule(f"region '{name}': shape", '"group"', '"box" or another shape: "group" goes with mesh.file, or with a body from a file')
     for number, load in enumerate(scene.load):
-        if load.type == "traction" and load.face is None and load.region not in groups:
-            allowed = '"+x", "-x", "+y", "-y", "+z" or "-z" (only a region of shape = "group" needs none)'
+        if load.type == "traction" and load.face is None and (not scene.uses_mesh or load.region not in groups):
+            allowed = '"+x", "-x", "+y", "-y", "+z" or "-z" (only a region of shape = "group" of finite elements needs none)'
             raise Rule(f"{section('load', number, load)}: face", "nothing", allowed)
 
 

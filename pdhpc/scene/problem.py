@@ -75,7 +75,10 @@ class Problem(Uncoupled):
 
     def members(self, view, comm, name, key):
         """Return the particles of a view in a region as indices; `key` names the region in an error. Collective."""
-        members = np.flatnonzero(select(self.scene, name, view.places(), self.body.number_of(view.ids)))
+        inside, number = np.zeros(len(view.ids), bool), self.body.number_of(view.ids)
+        for part in self.parts:
+            inside |= select(self.scene, part.body, name, view.places(), number, view.ids)
+        members = np.flatnonzero(inside)
         if comm.allreduce(len(members)) == 0:
             raise self.scene.error(key, f'"{name}", which selects no particle', "a region that holds at least one")
         return members

@@ -21,7 +21,7 @@ from pdhpc.peridynamics.critical_step import stable_step
 from pdhpc.peridynamics.lattice_subdomain import make_stencil
 from pdhpc.peridynamics.velocity_verlet import VelocityVerlet
 from pdhpc.scene.body import calibration_of, make_shape, radius_of
-from pdhpc.scene.parts import Part, make_subdomain_of, partition_of, sample_of
+from pdhpc.scene.parts import Part, make_subdomain_of, partition_of, place_points, sample_of
 
 _MOST_STEPS = 1000  # of the fine region in one of the rest
 _MARGIN = 0.97  # of the critical step that power iteration finds, which is too large by a part in a hundred at most
@@ -36,9 +36,9 @@ class RegionPart(Part):
     sharp_dt : s. ramp : (n_slots,) the part's share of each particle. overlap : (n,) int32, slots of its owned copies, in the order of messages.
     """
 
-    def __init__(self, comm, subdomain, counts):
+    def __init__(self, comm, subdomain, body, counts):
         """counts : function points -> (n,) bool, which particles this part counts."""
-        super().__init__(comm, subdomain)
+        super().__init__(comm, subdomain, body)
         self._counts, self.ramp, self.overlap, self.sharp_dt = counts, None, None, np.inf
 
     def counted(self):
@@ -235,8 +235,9 @@ def _make_parts(scene, bodies, comm, samples, works, counts):
         leaf = comm.rank - first
         takes_part = 0 <= leaf < len(shares)
         ranks = part_of(comm, takes_part)
-        subdomain = make_subdomain_of(scene, each, partition if takes_part else Nowhere(), comm, leaf if takes_part else 0)
-        parts.append(RegionPart(ranks, subdomain, counted))
+        held = place_points(each, comm, partition, radius_of(scene), first)
+        subdomain = make_subdomain_of(scene, held, partition if takes_part else Nowhere(), comm, leaf if takes_part else 0)
+        parts.append(RegionPart(ranks, subdomain, held, counted))
         owners.append(lambda points, partition=partition, first=first: partition.owner(points) + first)
     return parts, owners
 

@@ -1,5 +1,5 @@
 """Rules between the keys of a scene that types alone cannot hold; each broken one raises a Rule with section, key, finding and what is allowed."""
-from pdhpc.scene import law_rules, mesh_rules
+from pdhpc.scene import law_rules, mesh_rules, point_rules
 from pdhpc.scene.fields import Rule, check_direction, check_vector
 from pdhpc.scene.overlap import distance, meet, overlap, reaches
 from pdhpc.scene.schema import COMPONENTS, KIND, POISSONS_RATIO
@@ -15,6 +15,7 @@ _FARTHEST = 1e9  # spacings from the origin up to which doubles resolve the latt
 def check(scene):
     """Raise a Rule for the first rule that the scene breaks."""
     mesh_rules.check_model(scene)
+    point_rules.check_points(scene)
     if scene.uses_lattice:
         _check_particles(scene)
     _check_materials(scene)
@@ -89,9 +90,12 @@ def _check_linear_solid(scene, where, material, expected):
 
 def _check_bodies(scene):
     named(scene.body, "body")
-    spacing, cells = scene.pitch, 0
+    cells = 0
     for number, body in enumerate(scene.body):
         where = section("body", number, body)
+        if body.file is not None:
+            continue
+        spacing = scene.spacing_of(body)
         within(where, body.check, scene.dim)
         within(where, _check_cells, body, spacing, "spacings" if scene.uses_lattice else "cells")
         cells += _cells(body, spacing)
@@ -99,7 +103,7 @@ def _check_bodies(scene):
             raise Rule("particles.spacing" if scene.uses_lattice else "mesh.cell_size", spacing, f"a length that fills the bodies with fewer than 2^53 cells (here about {cells:.3g})")
         _check_holes(where, body, scene.dim)
         for other in scene.body[:number]:
-            if overlap(body, other, _WHOLE * spacing):
+            if other.file is None and overlap(body, other, _WHOLE * spacing):
                 key = "lower" if body.shape == "box" else "start" if body.shape == "cylinder" else "center"
                 raise Rule(f"{where}: {key}", getattr(body, key), f"a body that does not overlap body '{other.name}' (touching is fine, and lying in its hole)")
 
@@ -134,7 +138,7 @@ def _check_holes(where, body, dim):
 
 def _check_regions(scene):
     named(scene.region, "region")
-    bodies = {body.name: body.bounding_box() for body in scene.body}
+    bodies = {body.name: None if body.file is not None else body.bounding_box() for body in scene.body}
     for number, region in enumerate(scene.region):
         where = section("region", number, region)
         if region.name == "all":
@@ -143,7 +147,7 @@ def _check_regions(scene):
         if region.body is not None:
             reference(f"{where}: body", region.body, bodies, "body")
         boxes = bodies.values() if region.body is None else [bodies[region.body]]
-        if not scene.from_file and not any(reaches(region, box) for box in boxes):
+        if not scene.from_file and region.shape != "group" and not any(box is None or reaches(region, box) for box in boxes):
             outside = "every body" if region.body is None else f"body '{region.body}'"
             raise Rule(f"{where}: shape", f'"{region.shape}" outside {outside}, which selects no particle', "a region that holds at least one particle")
     _check_uses_of_regions(scene)
@@ -173,7 +177,7 @@ def _check_cracks(scene):
     for number, crack in enumerate(scene.crack):
         where = section("crack", number, crack)
         within(where, crack.check, scene.dim)
-        if not any(meet(crack.bounding_box(), body.bounding_box()) for body in scene.body):
+        if not any(body.file is not None or meet(crack.bounding_box(), body.bounding_box()) for body in scene.body):
             key = {"polyline": "points", "rectangle": "corner", "disk": "center"}[crack.type]
             raise Rule(f"{where}: {key}", "a crack outside every body", "a crack that crosses a body")
 
@@ -208,7 +212,7 @@ def _check_fine(scene):
             raise Rule("time.method", f'"{method}" without a fine region', '"auto" or "single", or a table [fine]')
         return
     within("fine", fine.check, scene.dim)
-    if not any(reaches(fine, body.bounding_box()) for body in scene.body):
+    if not any(body.file is not None or reaches(fine, body.bounding_box()) for body in scene.body):
         raise Rule("fine: shape", f'"{fine.shape}" outside every body', "a fine region that holds at least one particle")
     least = 2 if scene.material[0].model == "lps" else 1
     if not least <= scene.overlap <= 100:
@@ -251,7 +255,7 @@ def _check_probes(scene):
         if probe.point is not None:
             within(where, check_vector, "point", probe.point, scene.dim)
             reach, words = (scene.particles.horizon, "horizon") if scene.uses_lattice else (scene.mesh.cell_size, "cell")
-            if not scene.from_file and min(distance(probe.point, body.bounding_box()) for body in scene.body) > reach:
+            if not scene.from_file and not scene.brings_points and min(distance(probe.point, body.bounding_box()) for body in scene.body) > reach:
                 raise Rule(f"{where}: point", probe.point, f"a point in a body, or within a {words} of one")
 
 

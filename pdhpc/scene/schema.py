@@ -27,7 +27,7 @@ FieldName = Literal["displacement", "velocity", "damage", "precrack", "force_den
 class Particles(Table):
     """How bodies are filled with particles, and what joins them."""
 
-    spacing: Positive = key("distance h between neighbouring particles of the lattice", "m")
+    spacing: Positive = key("distance h between neighbouring particles of the lattice; of bodies from files, the size of particles that volume_correction goes by", "m")
     horizon: Positive = key("distance delta up to which particles are bonded, at least 2 spacings", "m")
     thickness: Optional[Positive] = key("thickness of a 2D body (default 1); none in 3D", "m", default=None)
     influence: Literal["constant", "inverse_distance", "gaussian", "conical"] = key(
@@ -211,9 +211,18 @@ class Scene(Table):
         return self.uses_mesh and self.mesh.file is not None
 
     @property
+    def brings_points(self):
+        """Whether bodies are made of particles that stand in files."""
+        return any(body.file is not None for body in self.body)
+
+    @property
     def pitch(self):
         """Side of the cells that fill the bodies, m: of the lattice, or of the mesh alone."""
         return self.particles.spacing if self.uses_lattice else self.mesh.cell_size
+
+    def spacing_of(self, body):
+        """Return the spacing of a body's particles, or the side of its cells, m."""
+        return self.pitch if body.spacing is None else body.spacing
 
     @property
     def moduli(self):

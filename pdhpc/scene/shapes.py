@@ -3,7 +3,7 @@ from typing import Annotated, ClassVar, List, Literal, Optional, Union
 
 from pydantic import Field
 
-from pdhpc.scene.fields import AutoOrRatio, Listed, Matrix, Name, Positive, Rule, Table, Text, Vector, check_direction, check_vector, key, length
+from pdhpc.scene.fields import AutoOrRatio, Integer, Listed, Matrix, Name, Positive, Rule, Table, Text, Vector, check_direction, check_vector, key, length
 
 
 class ShapeTable(Table):
@@ -161,6 +161,8 @@ class _Named(ShapeTable):
 
 
 class _Body(_Named):
+    file: ClassVar[None] = None
+    spacing: Optional[Positive] = key("spacing of its particles, in the place of particles.spacing", "m", default=None)
     hole: Annotated[List[Hole], Listed] = key("shapes cut out of the body", default=[])
 
 
@@ -186,11 +188,25 @@ class CylinderBody(CylinderShape, _Body):
 
 
 class MeshBody(_Named):
-    """Cells of the file of the mesh."""
+    """Cells of a file."""
 
-    shape: Literal["mesh"] = key("cells of the file that [mesh] names")
+    shape: Literal["mesh"] = key("cells of a file: finite elements, or a particle each, at its centroid and with its volume")
+    file: Optional[Text] = key(
+        'file of triangles and quads, or of tetrahedra and hexahedra, that meshio reads, named from the folder of the scene; with model = "fem" [mesh] names it',
+        default=None)
     group: Optional[Text] = key("physical group of the file that holds the body's cells (default: all cells)", default=None)
     hole: ClassVar[tuple] = ()
+    spacing: ClassVar[None] = None
+
+
+class TableBody(_Named):
+    """Particles of a table."""
+
+    shape: Literal["table"] = key("particles of a table")
+    file: Text = key("text file, named from the folder of the scene: x y [z] volume block on each line, blanks or commas between, comments from # on", "m, m^3, 1")
+    block: Optional[Integer] = key("only the rows of this block (default: all)", "1", default=None)
+    hole: ClassVar[tuple] = ()
+    spacing: ClassVar[None] = None
 
 
 class BoxRegion(BoxShape, _Region):
@@ -214,11 +230,13 @@ class HalfSpaceRegion(HalfSpaceShape, _Region):
 
 
 class GroupRegion(ShapeTable):
-    """Region that the file of the mesh names."""
+    """Region that the file of a mesh or table names."""
 
     name: Name = key("name of the region")
-    shape: Literal["group"] = key("cells or boundary facets of a physical group of the file that [mesh] names")
-    group: Text = key("name of the physical group")
+    shape: Literal["group"] = key(
+        "cells or boundary facets of a physical group of the file that [mesh] names; of bodies' files the particles whose cells are in the group, have one of its "
+        "facets, or touch one of its points, or that are in the block of a table")
+    group: Text = key("name of the physical group, or number of the block of a table")
     body: ClassVar[None] = None
 
 
@@ -252,6 +270,6 @@ class BandFine(BandShape, _Fine):
     """Fine region along a polyline."""
 
 
-Body = one_of([BoxBody, DiskBody, SphereBody, CylinderBody, MeshBody], "shape")
+Body = one_of([BoxBody, DiskBody, SphereBody, CylinderBody, MeshBody, TableBody], "shape")
 Region = one_of([BoxRegion, DiskRegion, SphereRegion, CylinderRegion, HalfSpaceRegion, GroupRegion], "shape")
 Fine = one_of([BoxFine, DiskFine, SphereFine, CylinderFine, BandFine], "shape")

@@ -5,7 +5,8 @@ from typing import List, NamedTuple, Tuple
 
 import numpy as np
 
-from pdhpc.geometry.lattice import points_of_bodies
+from pdhpc.geometry.points import PointBody
+from pdhpc.kernels.family import MIXED
 from pdhpc.kernels.neighbours import LANES
 from pdhpc.kernels.lattice import WORD
 from pdhpc.parallel.comm import world
@@ -15,7 +16,7 @@ from pdhpc.materials.law import reach_of
 from pdhpc.peridynamics.critical_step import stable_step
 from pdhpc.peridynamics.internal_forces import InternalForces
 from pdhpc.peridynamics.view import View
-from pdhpc.scene.body import make_body, radius_of, select
+from pdhpc.scene.body import kinds_by_body, make_body, radius_of, select
 from pdhpc.scene.build import build
 from pdhpc.scene.gauges import make_gauges
 from pdhpc.scene.mesh_rules import unused
@@ -31,6 +32,8 @@ _FACTOR_BYTES = 8  # of a bond slot: its surface correction
 _RAISED_BYTES = 8  # of a particle whose critical stretch rises with compression
 _SMALL = 1.2e7  # directed bonds up to which the body is built
 _SLAB_POINTS = 1 << 20
+_BYTES_PER_FILE_CELL = 300  # of a mesh file while rank 0 deals it out
+_BYTES_PER_FILE_POINT = {2: 80, 3: 96}  # of a body from a file, at home and where it is used
 
 
 class RegionEstimate(NamedTuple):
@@ -70,12 +73,14 @@ class Estimate(NamedTuple):
 
 def estimate(scene, ranks=None):
     """Return the Estimate of a scene. Raises SceneError as a run would. Local to one process."""
+    from mpi4py import MPI
+
     comm = world()
     ranks = ranks or comm.size
-    body = make_body(scene)
-    ratio = radius_of(scene) / scene.particles.spacing
+    body = make_body(scene, MPI.COMM_SELF)
+    ratio = radius_of(scene) / min(lattice.spacing for lattice in body.lattices)
     family = family_size(scene.dim, ratio)
-    cells = sum(int(np.prod(lattice.cells, dtype=object)) for lattice in body.lattices)
+    cells = sum(_cells(lattice) for lattice in body.lattices)
     exact = cells * family <= _SMALL
     whole = scene.model_copy(update={"time": scene.time.model_copy(update={"method": "single"}), "fine": None})
     if exact:
@@ -87,8 +92,9 @@ def estimate(scene, ranks=None):
         regions, m, overlap, dt, steps, more = _regions(scene, body, ranks, exact, family, critical)
     else:
         dt, steps, more = choose_step(scene, critical)
-    rate = kernel_rate(scene, ratio, body.path.split(":")[0], body.law)
-    memory = particles / ranks * _bytes_per_particle(scene, body, neighbours, ratio, particles / ranks)
+    mixed = any(lattice.sizes[0] < lattice.sizes[2] for lattice in body.lattices if isinstance(lattice, PointBody))
+    rate = kernel_rate(scene, ratio, body.path.split(":")[0], body.law, mixed)
+    memory = particles / ranks * _bytes_per_particle(scene, body, neighbours, ratio, particles / ranks) + _bytes_of_files(scene, body, ranks)
     work = sum(steps * region.bonds for steps, region in zip((1, m), regions)) if regions else bonds
     seconds = 2 * work * steps / (rate * ranks)
     stretch = critical_stretches(scene, body)
@@ -120,7 +126,19 @@ def _regions(scene, body, ranks, exact, family, critical):
 
 def _count(body):
     """Return the number of particles of a body."""
-    return sum(len(points) for lattice in body.lattices for points in _slabs(lattice))
+    return sum(len(points) for lattice in body.lattices for _, points in _slabs(lattice))
+
+
+def _cells(lattice):
+    """Return the number of cells of a LatticeBody's box, or of points of a PointBody."""
+    return lattice.count if isinstance(lattice, PointBody) else int(np.prod(lattice.cells, dtype=object))
+
+
+def _bytes_of_files(scene, body, ranks):
+    """Return the memory that the points of files take on a rank, on the first one with what it reads."""
+    dealt = sum(lattice.count for lattice in body.lattices if isinstance(lattice, PointBody)) / ranks * _BYTES_PER_FILE_POINT[scene.dim]
+    rows = [lattice.last_id - lattice.first_id for table, lattice in zip(scene.body, body.lattices) if table.shape == "mesh"]
+    return dealt + max(rows, default=0) * _BYTES_PER_FILE_CELL
 
 
 def _bytes_per_particle(scene, body, neighbours, ratio, per_rank):
@@ -150,16 +168,16 @@ def _sampled(scene, body, family):
     """Count particles slab by slab, check that every region holds one, and take bonds and step from whole families."""
     names = {name for name in _region_names(scene) if name != "all"}
     particles = bonds = 0
-    own = np.diag(np.broadcast_to(body.reach, (len(body.lattices),) * 2)) / scene.particles.spacing
+    own = np.diag(np.broadcast_to(body.reach, (len(body.lattices),) * 2))
     for lattice_number, lattice in enumerate(body.lattices):
-        for points in _slabs(lattice):
-            particles += len(points)
-            bonds += len(points) * family_size(scene.dim, own[lattice_number]) // 2
+        whole = family_size(scene.dim, own[lattice_number] / lattice.spacing)
+        for ids, points in _slabs(lattice):
+            particles, bonds = particles + len(points), bonds + len(points) * whole
             numbers = np.full(len(points), lattice_number)
-            names = {name for name in names if not select(scene, name, points, numbers).any()}
+            names = {name for name in names if not select(scene, body, name, points, numbers, ids).any()}
     if names:
         raise scene.error("region", f'"{sorted(names)[0]}", which selects no particle', "a region that holds at least one")
-    return particles, bonds, family, _family_step(scene, body), []
+    return particles, bonds // 2, family, _family_step(scene, body), []
 
 
 def _region_names(scene):
@@ -168,7 +186,10 @@ def _region_names(scene):
 
 
 def _slabs(lattice):
-    """Yield the points of a lattice in pieces of bounded size."""
+    """Yield the (ids, points) of a body in pieces of bounded size."""
+    if isinstance(lattice, PointBody):
+        yield lattice.points_in(-np.inf, np.inf)
+        return
     centres = lattice.centres(0)
     layer = int(np.prod(lattice.cells[1:]))
     per_slab = max(1, _SLAB_POINTS // layer)
@@ -177,7 +198,7 @@ def _slabs(lattice):
         lower, upper = np.full(dim, -np.inf), np.full(dim, np.inf)
         lower[0] = centres[first]
         upper[0] = centres[first + per_slab] if first + per_slab < len(centres) else np.inf
-        yield points_of_bodies([lattice], lower, upper)[1]
+        yield lattice.points_in(lower, upper)
 
 
 def family_size(dim, ratio):
@@ -188,16 +209,15 @@ def family_size(dim, ratio):
 
 
 def _family_step(scene, body):
-    """Return the critical step of a whole lattice family in the stiffest, lightest block."""
-    model, scale = scene.material[0].model, scene.particles.spacing / 1e-3
-    steps = []
-    for number, setting in enumerate(body.calibration()[1]):
-        ratio = reach_of(setting) / scene.particles.spacing
+    """Return the critical step of whole lattice families in the stiffest, lightest block, each body with its spacing and volume of a particle."""
+    model, steps = scene.material[0].model, []
+    for kind, spacing, volume in set(zip(kinds_by_body(scene), [lattice.spacing for lattice in body.lattices], body.volumes)):
+        ratio = reach_of(kind[1]) / spacing
         sub, _ = block(scene.dim, 4 * int(ratio) + 3, ratio, scene.particles.kinematics == "linear", "cloud", model)
-        particles = sub.particles
+        particles, scale, number = sub.particles, spacing / 1e-3, body.blocks[body.kinds.index(kind), True]
         particles.reference *= scale
         sub.bonds.arrays.inv_length[:] /= scale
-        particles.volume[:] = body.cell_volume
+        particles.volume[:] = volume
         particles.block[:] = number
         sub.points.row_block[:] = number
         sub.make_state(body.law)
@@ -205,12 +225,14 @@ def _family_step(scene, body):
     return min(steps)
 
 
-def kernel_rate(scene, ratio, path, law):
-    """Return bonds per second and core of the force kernels of a law, measured on a small block."""
+def kernel_rate(scene, ratio, path, law, mixed=False):
+    """Return bonds per second and core of the force kernels of a law, measured on a small block; mixed : whether the particles' volumes differ."""
     cells = {2: 60, 3: 16}[scene.dim]
     variant = variant_of(law, scene.particles.surface_correction)
     sub, law = block(scene.dim, cells, min(ratio, 4.0), scene.particles.kinematics == "linear", path, scene.material[0].model, variant)
     sub.particles.place()
+    if mixed:
+        sub.points.row_block[:] = MIXED
     internal = InternalForces(sub, law, NoGhosts)
     best = math.inf
     for _ in range(4):

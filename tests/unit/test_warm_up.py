@@ -4,6 +4,7 @@ import sys
 import numpy as np
 import pytest
 
+from pdhpc.study.verify.bodies import cracked, write_cells
 from pdhpc.warm_up import MODELS, PATHS, block, compile_kernels
 
 
@@ -26,8 +27,8 @@ from numba.core.dispatcher import Dispatcher
 from mpi4py import MPI
 from pdhpc import simulation
 from pdhpc.scene.read import read_scene
-from pdhpc.scene.body import make_body
-from pdhpc.warm_up import compile_coupling, compile_kernels, variant_of
+from pdhpc.scene.body import law_of
+from pdhpc.warm_up import compile_coupling, compile_kernels, compile_points, variant_of
 
 def compiled():
     found = set()
@@ -42,10 +43,12 @@ path, model, scene, out = sys.argv[1:]
 overrides = ["particles.path=" + path, "output.pictures=false"]
 scene = read_scene(scene, overrides)
 assert all(material.model == model for material in scene.material)
-variant = variant_of(make_body(scene).law, scene.particles.surface_correction)
+variant = variant_of(law_of(scene), scene.particles.surface_correction)
 compile_kernels((scene.dim,), (path,), (model,), variant=variant)
 if scene.fine is not None:
     compile_coupling(scene.dim, path, model, scene.particles.kinematics == "linear")
+if scene.brings_points:
+    compile_points(scene.dim, MPI.COMM_SELF)
 before = compiled()
 simulation._compile_first_on_each_node = lambda *arguments: None
 simulation.Simulation(scene, MPI.COMM_SELF).run(out, quiet=True)
@@ -104,5 +107,16 @@ def test_a_run_with_other_laws_and_horizons_compiles_nothing_more(model, keys, o
         text = text.replace("[particles]", f'[particles]\n{key.split(".")[1]} = "{value}"')
     (tmp_path / "scene.toml").write_text(text.replace("end = 1.0", "end = 10.0"))
     done = subprocess.run([sys.executable, "-c", WATCH, "cloud", model, str(tmp_path / "scene.toml"), str(tmp_path / "out")], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == ""
+
+
+@pytest.mark.parametrize("counts", [(12, 6), (6, 4, 4)])
+def test_a_run_of_a_mesh_compiles_nothing_that_the_warm_up_left_out(counts, tmp_path):
+    write_cells(tmp_path / "cells.inp", counts)
+    traction = '[[load]]\ntype = "traction"\nregion = "right"\nface = "+x"\nvalue = {}\n'.format([1e-3] + [0.0] * (len(counts) - 1))
+    (tmp_path / "scene.toml").write_text(cracked(counts, 'shape = "mesh"\nfile = "cells.inp"', 'shape = "group"\ngroup = "right"') + traction)
+    command = [sys.executable, "-c", WATCH, "cloud", "pmb", str(tmp_path / "scene.toml"), str(tmp_path / "out")]
+    done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert done.stdout == ""

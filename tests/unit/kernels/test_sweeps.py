@@ -34,7 +34,7 @@ def deformed(path, model, dim, linear, blocks=1, influence="inverse_distance", c
     law = type(materials[0][0]).law(materials, setting)
     radius = (horizon + spacing / 2) * (1 - 1e-9) if correction == "linear" else horizon * (1 + 1e-9)
 
-    def describe(points, number):
+    def describe(points, number, ids):
         return np.full(len(points), spacing**dim), (points[:, -1] > 2.4).astype(np.uint8) * (blocks - 1)
 
     if path == "lattice":

@@ -39,7 +39,7 @@ def bodies(dim, spacing=0.1):
     return [first, second, LatticeBody(Box((4.1, 0.0), (4.4, 2.0)), spacing, second.last_id)]
 
 
-def describe(points, number):
+def describe(points, number, ids):
     return np.full(len(points), 0.1 ** points.shape[1]), np.asarray(number).astype(np.uint8)
 
 

@@ -28,7 +28,7 @@ def bodies(dim):
     return [first, LatticeBody(Box((20.0, 2.0), (30.0, 8.0)), 1.0, first.last_id)]
 
 
-def describe(points, number):
+def describe(points, number, ids):
     return np.ones(len(points)), number.astype(np.uint8)
 
 

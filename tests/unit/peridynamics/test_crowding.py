@@ -1,0 +1,60 @@
+import numpy as np
+import pytest
+
+from pdhpc.geometry.lattice import LatticeBody
+from pdhpc.geometry.shapes import Box
+from pdhpc.parallel.partition import Partition
+from pdhpc.peridynamics.crowding import find_crowded
+from pdhpc.peridynamics.subdomain import make_subdomain
+
+WHOLE = Partition(np.empty(0, np.int64), np.empty(0), np.empty((0, 2), np.int64), 1)
+RADIUS = 3.0 * (1 + 1e-9)
+
+
+def crowded(shift):
+    """Look at two lattices of spacing 1, 8 x 8, the second one moved by `shift`."""
+    first = LatticeBody(Box((0.0, 0.0), (8.0, 8.0)), 1.0, 0)
+    second = LatticeBody(Box(tuple(shift), tuple(8.0 + x for x in shift)), 1.0, 64)
+
+    def describe(points, number, ids):
+        return np.ones(len(points)), np.zeros(len(points), np.uint8)
+
+    subdomain = make_subdomain([first, second], WHOLE, 0, RADIUS, describe, False)
+    body = (subdomain.particles.id >= 64).astype(int)
+    found = find_crowded(subdomain, np.ones(len(body)), body, np.full((2, 2), np.pi * RADIUS**2))
+    assert found is None or body[found[0]] != body[found[1]] or found[2] == 0
+    return found
+
+
+def test_bodies_that_touch_are_fine():
+    assert crowded((8.0, 0.0)) is None and crowded((8.0, 0.5)) is None and crowded((7.3, 0.0)) is None
+
+
+def test_particles_too_close():
+    i, j, fullness = crowded((7.2, 0.0))
+    assert fullness == 0.0 and {i < 64, j < 64} == {True, False}
+    assert crowded((0.1, 0.1))[2] == 0.0
+
+
+def test_families_too_full():
+    """Half a cell apart no two particles are closer than 0.7 spacings, but each ball of 28.3 m^2 holds some of each body: 2 x 28 or 29 in the middle."""
+    fullness = crowded((0.5, 0.5))[2]
+    assert 1.5 < fullness < 2.1
+    assert crowded((4.5, 0.5))[2] > 1.5
+
+
+def test_a_point_given_nearly_twice():
+    """Particles of one body may lie closer, but not at a hundredth of their size."""
+    from pdhpc.geometry.points import PointBody
+
+    for gap, expected in ((0.02, None), (0.009, (0, 1, 0.0))):
+        points = np.array([[0.0, 0.0], [gap, 0.0], [1.0, 0.0]])
+        body = PointBody(0, 3, 3, np.arange(3), points, np.ones(3), np.zeros(3, np.uint64), points[0], points[2], (1.0, 1.0, 1.0))
+        subdomain = make_subdomain([body], WHOLE, 0, RADIUS, lambda points, number, ids: (np.ones(len(points)), np.zeros(len(points), np.uint8)), False)
+        assert find_crowded(subdomain, np.ones(3), np.zeros(3, int), np.full((1, 1), np.pi * RADIUS**2)) == expected
+
+
+def test_coincident_particles_are_named():
+    with pytest.raises(ValueError, match="same place") as caught:
+        crowded((0.0, 0.0))
+    assert caught.value.ids == (0, 64)

@@ -1,0 +1,141 @@
+"""Bodies from files in a scene: what they make, and what is wrong with them, in one sentence."""
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pdhpc.geometry.points import PointBody
+from pdhpc.scene.body import make_body, select
+from pdhpc.scene.build import build
+from pdhpc.scene.read import parse_scene, read_scene
+from pdhpc.scene.schema import SceneError
+from pdhpc.study.verify.bodies import cracked, write_cells, write_table
+
+COUNTS = (12, 6)
+GMSH = Path(__file__).resolve().parents[1] / "fem" / "quarter_plate_4.msh"
+NONE = ["particles.volume_correction=none"]
+
+
+@pytest.fixture
+def alone():
+    from mpi4py import MPI
+
+    return MPI.COMM_SELF
+
+
+@pytest.fixture
+def folder(tmp_path):
+    write_table(tmp_path / "points.txt", cracked(COUNTS))
+    write_cells(tmp_path / "cells.inp", COUNTS)
+    return tmp_path
+
+
+def scene_of(folder, body, right=None, overrides=(), extra=""):
+    """Return the scene of a body whose lines name a file in the folder, from a scene file there: paths are relative to it."""
+    (folder / "scene.toml").write_text(cracked(COUNTS, body, right) + extra)
+    return read_scene(folder / "scene.toml", overrides)
+
+
+TABLE, MESH = 'shape = "table"\nfile = "points.txt"\n', 'shape = "mesh"\nfile = "cells.inp"\n'
+EVERYWHERE = np.full(2, -np.inf), np.full(2, np.inf)
+
+
+@pytest.mark.parametrize("lines", [TABLE, MESH])
+def test_the_particles_are_those_of_the_lattice(folder, alone, lines):
+    expected = make_body(parse_scene(cracked(COUNTS), "t")).lattices[0].points_in(*EVERYWHERE)
+    body = make_body(scene_of(folder, lines, overrides=["particles.path=auto"]), alone)
+    found = body.lattices[0].points_in(*EVERYWHERE)
+    assert np.array_equal(found[0], expected[0]) and np.allclose(found[1], expected[1], rtol=0, atol=1e-14)
+    assert isinstance(body.lattices[0], PointBody) and body.path.startswith("cloud: body 'body' comes from a file") and body.volumes == pytest.approx([1.0])
+
+
+def test_a_mesh_has_the_plate_s_thickness(folder, alone):
+    scene = scene_of(folder, MESH, overrides=["particles.thickness=0.25"])
+    body = make_body(scene, alone).lattices[0]
+    assert body.volume == pytest.approx(0.25) and body.sizes == pytest.approx((1.0, 1.0, 1.0))
+
+
+def test_bodies_share_a_file_and_keep_its_rows(folder, alone):
+    two = TABLE + 'block = 2\n[[body]]\nname = "rest"\nmaterial = "solid"\n' + TABLE + "block = 1\n"
+    body = make_body(scene_of(folder, two), alone)
+    first, second = body.lattices
+    assert (first.count, second.count) == (2 * COUNTS[1], 10 * COUNTS[1]) and second.first_id == first.last_id == 72
+    assert first.id.tolist() == list(range(60, 72)) and second.id.tolist() == list(range(72, 132))
+    assert body.number_of(np.array([71, 72])).tolist() == [0, 1] and first.lower.tolist() == [10.5, 0.5]
+
+
+@pytest.mark.parametrize("lines, group", [(TABLE, "2"), (MESH, "right")])
+def test_regions_of_groups(folder, alone, lines, group):
+    scene = scene_of(folder, lines, f'shape = "group"\ngroup = "{group}"')
+    body = make_body(scene, alone)
+    ids, points = body.lattices[0].points_in(*EVERYWHERE)
+    inside = select(scene, body, "right", points, np.zeros(len(ids), int), ids)
+    assert np.array_equal(inside, points[:, 0] > 10)
+
+
+def test_cells_that_touch_a_line_of_gmsh(alone):
+    right = f'shape = "group"\ngroup = "bottom"'
+    text = cracked((3, 3), f'shape = "mesh"\nfile = "{GMSH}"', right)
+    scene = parse_scene(text, "t", [*NONE, "particles.horizon=4.0"])
+    body = make_body(scene, alone)
+    ids, points = body.lattices[0].points_in(*EVERYWHERE)
+    inside = select(scene, body, "right", points, np.zeros(4, int), ids)
+    assert inside.sum() == 2 and points[inside, 1].max() < points[~inside, 1].min()
+
+
+@pytest.mark.parametrize("lines, overrides, words", [
+    ('shape = "table"\nfile = "none.txt"\n', [], ["body 'body': file = \"none.txt\" (there is no table", "from the folder of the scene"]),
+    ('shape = "mesh"\nfile = "none.msh"\n', [], ["there is no mesh"]),
+    ('shape = "mesh"\nfile = "points.txt"\n', [], ["cannot be read"]),
+    ('shape = "table"\nfile = "cells.inp"\n', [], ["1 column in line 1; in 2D a row has 4: x, y, volume, block"]),
+    (TABLE + "block = 3\n", [], ["block = \"3\"", "a block of points.txt (1, 2)"]),
+    (MESH + 'group = "rihgt"\n', [], ["group = \"rihgt\"", "a group of cells of cells.inp (right)", 'did you mean "right"']),
+    (TABLE, ["particles.spacing=0.8"], ["particles.volume_correction", "1 to 1 m in size", '"none"']),
+    (TABLE, [*NONE, "particles.spacing=0.5", "particles.horizon=1.9"], ["particles.horizon = 1.9", "at least twice the mean size", "2 m"]),
+])
+def test_each_error_in_one_sentence(folder, alone, lines, overrides, words):
+    with pytest.raises(SceneError) as caught:
+        make_body(scene_of(folder, lines, overrides=overrides), alone)
+    text = str(caught.value)
+    assert "allowed" in text and all(word in text for word in words) and "\n" not in text, text
+
+
+def test_a_mesh_of_another_dimension_and_a_group_of_points(folder, alone):
+    write_cells(folder / "cells.inp", (2, 2, 2))
+    with pytest.raises(SceneError, match='cells of 3 dimensions; dimension = "plane_stress" asks for 2'):
+        make_body(scene_of(folder, MESH), alone)
+    text = cracked((3, 3), f'shape = "mesh"\nfile = "{GMSH}"\ngroup = "bottom"')
+    with pytest.raises(SceneError, match=r'"bottom", which is a group of points or facets; allowed is a group of cells of .* \(lower half, plate\)'):
+        make_body(parse_scene(text, "t"), alone)
+
+
+def test_a_region_of_no_file(folder, alone):
+    with pytest.raises(SceneError, match=r"region 'right': group = \"front\"; allowed is a group of the bodies' files \(right\)"):
+        make_body(scene_of(folder, MESH, 'shape = "group"\ngroup = "front"'), alone)
+
+
+OTHER = '[[body]]\nname = "other"\nmaterial = "solid"\nshape = "box"\nlower = {}\nupper = {}\n'
+
+
+@pytest.mark.parametrize("lower, words", [
+    ([0.0, 0.0], "row 1 of body 'body' and cell 1 of body 'other' at the same place"),
+    ([0.1, 0.0], "only 0.1 m apart, 0.1 of their mean size"),
+    ([0.5, 0.5], "times the volume of its ball"),
+    ([12.0, 0.0], None),
+    ([12.5, 0.25], None),
+])
+def test_overlapping_bodies(folder, alone, lower, words):
+    box = OTHER.format(lower, [lower[0] + 12.0, lower[1] + 6.0])
+    scene = scene_of(folder, TABLE + box, 'shape = "box"\nlower = [10.0, 0.0]\nupper = [12.0, 6.0]')
+    if words is None:
+        assert build(scene, alone).subdomain.particles.n_owned == 144
+        return
+    with pytest.raises(SceneError, match=words):
+        build(scene, alone)
+
+
+def test_a_point_given_twice(folder, alone):
+    text = (folder / "points.txt").read_text()
+    (folder / "points.txt").write_text(text + text.splitlines()[8] + "\n")
+    with pytest.raises(SceneError, match="row 8 of body 'body' and row 73 of body 'body' at the same place"):
+        build(scene_of(folder, TABLE), alone)
