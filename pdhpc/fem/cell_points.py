@@ -5,7 +5,7 @@ import numpy as np
 
 from pdhpc.fem.elements import ELEMENTS
 from pdhpc.fem.facets import DIM, FACETS, UNIT_CORNERS
-from pdhpc.fem.mesh_file import _FACET_KIND, _find_groups, _flatten, _label_rows, _merge_same, _read_raw, _turn_round
+from pdhpc.fem.mesh_file import _FACET_KIND, _check_corners, _find_groups, _flatten, _label_rows, _merge_same, _read_raw, _turn_round
 from pdhpc.jit import kernel
 
 _PIECE = 1 << 18  # cells that become points at once
@@ -26,7 +26,7 @@ class CellFile:
 
         Raises
         ------
-        ValueError: no such file, not readable, no cells or cells of other kinds, points that are not finite or not in a plane, flat or folded cells.
+        ValueError: no such file, not readable, no cells or cells of other kinds, corners that are missing, points that are not finite or not in a plane, flat or folded cells.
         """
         raw = _read_raw(Path(path))
         try:
@@ -38,12 +38,11 @@ class CellFile:
 
     def _take(self, raw):
         kinds = _find_kinds(raw)
+        _check_corners(raw)
         self.dim = DIM[kinds[0]]
         points = np.asarray(raw.points, float)
         blocks = {kind: [(number, np.asarray(block.data)) for number, block in enumerate(raw.cells) if block.type == kind and len(block.data)] for kind in kinds}
         cells = {kind: np.concatenate([data for _, data in blocks[kind]]) for kind in kinds}
-        if any(each.min() < 0 or each.max() >= len(points) for each in cells.values()):
-            raise ValueError("has cells with points that it does not hold")
         used = np.zeros(len(points), bool)
         for each in cells.values():
             used[each] = True

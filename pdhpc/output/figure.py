@@ -55,10 +55,10 @@ def crack_colours(body=True):
 
 
 def squares(centres, side, values, **looks):
-    """Return a collection of squares around centres (n, 2), coloured by values (n,)."""
+    """Return a collection of squares around centres (n, 2), coloured by values (n,); side : of all, or (n,)."""
     from matplotlib.collections import PolyCollection
 
-    corners = 0.5 * side * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    corners = 0.5 * np.reshape(side, (-1, 1, 1)) * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
     return PolyCollection(centres[:, None] + corners, array=values, linewidths=0, **looks)
 
 

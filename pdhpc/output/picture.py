@@ -109,7 +109,8 @@ def _show_squares(axes, body, frame, name, scale, factor):
     """Draw every particle of a plane body where it is, displacements times `scale`; return the image."""
     points, values = next(frame.chunks(body, name))
     moved = factor * (points + scale * next(frame.chunks(body, "displacement"))[1][:, :2])
-    shown = squares(moved, 0.9 * factor * body.spacing, np.linalg.norm(values, axis=1) if values.ndim == 2 else values, cmap="cividis")
+    side = body.spacing if body.on_lattice else next(body.side_chunks())
+    shown = squares(moved, 0.9 * factor * side, np.linalg.norm(values, axis=1) if values.ndim == 2 else values, cmap="cividis")
     axes.add_collection(shown)
     axes.autoscale_view()
     return shown
