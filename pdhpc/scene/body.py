@@ -33,6 +33,11 @@ class Body(NamedTuple):
         return self.volumes[0]
 
     @property
+    def spacing(self):
+        """Smallest spacing of the bodies, the mean size of particles in its place where they come from a file, m."""
+        return min(each.spacing for each in self.lattices)
+
+    @property
     def brings_points(self):
         """Whether some of the bodies are PointBodies."""
         return any(isinstance(each, PointBody) for each in self.lattices)

@@ -68,8 +68,8 @@ def force_densities(scene, body, load, parts, selected, comm):
     if load.type == "traction" and (body.brings_points or len(set(body.volumes)) > 1):
         value = value * _area_over_volume(scene, load, parts, selected, comm)
     elif load.type == "traction":
-        counts = comm.allreduce(sum(_count_face(scene, load, part, inside) for part, inside in zip(parts, selected)))
-        value = value * (counts[0] / (counts[1] * scene.particles.spacing))
+        counts = comm.allreduce(sum(_count_face(load, part, inside, body.spacing) for part, inside in zip(parts, selected)))
+        value = value * (counts[0] / (counts[1] * body.spacing))
     return [np.broadcast_to(value, (part.subdomain.particles.n_owned, scene.dim)) for part in parts]
 
 
@@ -85,15 +85,15 @@ def _area_over_volume(scene, load, parts, selected, comm):
     return area_over_volume(comm, np.concatenate(points), np.concatenate(volumes), thickness, "xyz".index(load.face[1]))
 
 
-def _count_face(scene, load, part, inside):
-    """Return (particles on the face of the region, particles in it), those that this part counts. Local."""
+def _count_face(load, part, inside, spacing):
+    """Return (particles on the face of the region, particles in it), those that this part counts; spacing : of all particles, m. Local."""
     subdomain, particles = part.subdomain, part.subdomain.particles
     axis, sign = "xyz".index(load.face[1]), 1.0 if load.face[0] == "+" else -1.0
     by_slot = np.zeros(len(particles.position), bool)
     by_slot[particles.slots], by_slot[particles.ghost_slots] = inside[: particles.n_owned], inside[particles.n_owned :]
     counted = part.counted() & inside[: particles.n_owned]
     arrays = subdomain.bonds.arrays, subdomain.points, particles.third
-    on_face = count_face(*arrays, particles.slots[counted], by_slot, axis, sign * scene.particles.spacing)
+    on_face = count_face(*arrays, particles.slots[counted], by_slot, axis, sign * spacing)
     return np.array([on_face, int(counted.sum())])
 
 

@@ -205,9 +205,9 @@ def ratio_for(scene, body, macro_dt, critical_dt):
 def split_of(scene, body):
     """Return the Split of a body that a scene's fine region makes. Local."""
     radius = radius_of(scene)
-    stencil = None if body.lattice is None else make_stencil(scene.dim, radius / scene.particles.spacing)
+    stencil = None if body.lattice is None else make_stencil(scene.dim, radius / body.lattice.spacing)
     by_points = scene.material[0].model == "lps"
-    return Split(make_shape(scene.fine), scene.overlap * radius * (1 + 1e-9), scene.particles.spacing, radius, by_points, stencil)
+    return Split(make_shape(scene.fine), scene.overlap * radius * (1 + 1e-9), body.spacing, radius, by_points, stencil)
 
 
 def make_regions(scene, body, comm, m):
@@ -333,7 +333,7 @@ class BorderRegions(Regions):
 def _make_border_regions(scene, body, comm, m):
     """Return the BorderRegions of a scene: each part holds its own particles and copies of the other's within a family radius. Collective."""
     radius = radius_of(scene)
-    split = Split(make_shape(scene.fine), radius * (1 + 1e-9), scene.particles.spacing, radius, False)
+    split = Split(make_shape(scene.fine), radius * (1 + 1e-9), body.spacing, radius, False)
     bodies = [body, body.seen_through(split.fine)]
     samples = [sample_of(scene, each, comm) for each in bodies]
     own = (lambda points: split.shape.distance(points) > 0.0), (lambda points: split.shape.distance(points) == 0.0)

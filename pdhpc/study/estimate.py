@@ -78,7 +78,7 @@ def estimate(scene, ranks=None):
     comm = world()
     ranks = ranks or comm.size
     body = make_body(scene, MPI.COMM_SELF)
-    ratio = radius_of(scene) / min(lattice.spacing for lattice in body.lattices)
+    ratio = radius_of(scene) / body.spacing
     family = family_size(scene.dim, ratio)
     cells = sum(_cells(lattice) for lattice in body.lattices)
     exact = cells * family <= _SMALL

@@ -164,3 +164,16 @@ def test_verify_names(tmp_path):
 
 def test_view_of_something_else(tmp_path):
     is_one_sentence(pdhpc("view", tmp_path), "no run.json")
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_a_broken_table_is_bad_input(tmp_path, ranks):
+    """Exit code 2 and one sentence with file, line and what was found, from run and check alike; the table's folder is the scene's."""
+    from pdhpc.study.verify.bodies import cracked
+
+    write(tmp_path, cracked((4, 4), 'shape = "table"\nfile = "points.txt"', 'shape = "group"\ngroup = "2"'))
+    (tmp_path / "points.txt").write_text("0.5 0.5 1 1\n1.5 0.5 -1 1\n")
+    words = "body 'body': file", "points.txt has the volume -1 m^3 in line 2"
+    is_one_sentence(launch(ranks, ["run", str(tmp_path / "scene.toml"), "-o", str(tmp_path / "out"), "--quiet"], tmp_path), *words)
+    is_one_sentence(pdhpc("check", tmp_path / "scene.toml"), *words)
+    assert not (tmp_path / "out" / "run.json").exists()

@@ -105,3 +105,42 @@ def test_one_particle_and_no_bond(comm):
     stepper = problem.stepper()
     stepper.advance()
     assert problem.subdomain.particles.n_owned == 1
+
+
+NO_CORRECTION = ["particles.volume_correction=none"]
+FINER = '[[body]]\nname = "finer"\nmaterial = "solid"\nshape = "box"\nlower = [5.0, -5.0]\nupper = [9.0, 5.0]\nspacing = 0.5\n'
+
+
+def test_bodies_of_two_spacings():
+    """Each body's particles have its own volume; bonds join both, and internal forces add up to nothing."""
+    problem = problem_of(plate((10, 10), 4.0, extra=FINER), NO_CORRECTION)
+    subdomain, particles = problem.subdomain, problem.subdomain.particles
+    assert problem.body.path == "cloud: body 2 has a spacing of 0.5 m, body 1 of 1 m" and particles.n_owned == 100 + 8 * 20
+    finer = subdomain.places()[:, 0] > 5.0
+    assert np.array_equal(particles.volume, np.where(finer, 0.25, 1.0)) and particles.volume.sum() == 140.0
+    particles.displacement[:] = 1e-3 * np.sin(subdomain.places() @ [[0.3, 0.1], [0.2, 0.4]])
+    stepper = problem.stepper()
+    force = particles.force_density * particles.volume[:, None]
+    assert np.abs(force[finer].sum(axis=0)).max() > 1e-5, "the bodies pull on each other"
+    assert np.abs(force.sum(axis=0)).max() < 1e-15 * np.abs(force).sum() * 10
+    assert stepper.view.n == 260
+
+
+@pytest.mark.parametrize("path", PATHS)
+def test_a_spacing_of_its_own_is_that_of_the_lattice(path):
+    """The body of a scene whose particles.spacing is not its own, on either path, against the same one said the other way."""
+    load = region("end", [4.0, -5.0], [5.0, 5.0]) + '[[load]]\ntype = "traction"\nregion = "end"\nface = "+x"\nvalue = [1.0, 0.0]\n'
+    text = plate((10, 10), 4.0, extra=load)
+    own = text.replace('name = "body"', 'name = "body"\nspacing = 0.5')
+    found, expected = (problem_of(*each) for each in ((own, [*NO_CORRECTION, f"particles.path={path}"]), (text, [*NO_CORRECTION, "particles.spacing=0.5", f"particles.path={path}"])))
+    assert found.body.path.startswith(path) and found.dt == expected.dt
+    forces = [each.stepper().subdomain.particles for each in (found, expected)]
+    assert np.array_equal(*(each.owned(each.force_density) for each in forces)) and forces[0].n_owned == 400
+
+
+def test_a_traction_on_particles_of_two_sizes():
+    """Total force = traction x length x thickness: a strip of both bodies, seen from above, is 4 + 4 m long."""
+    load = region("top", [1.0, 4.0], [9.0, 5.0]) + '[[load]]\ntype = "traction"\nregion = "top"\nface = "+y"\nvalue = [0.0, 3.0]\n'
+    problem = problem_of(plate((10, 10), 4.0, extra=FINER + load), [*NO_CORRECTION, "particles.thickness=0.1"])
+    particles = problem.stepper().subdomain.particles
+    assert (particles.force_density * particles.volume[:, None]).sum(axis=0) == pytest.approx([0.0, 3.0 * 8.0 * 0.1])

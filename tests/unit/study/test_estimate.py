@@ -5,6 +5,7 @@ from pdhpc.scene.read import parse_scene
 from pdhpc.scene.schema import SceneError
 from pdhpc.study import estimate as module
 from pdhpc.study.estimate import family_size, estimate
+from pdhpc.study.verify.bodies import cracked, write_cells, write_table
 from pdhpc.study.verify.case import plate, problem_of
 from pdhpc.warm_up import PATHS
 
@@ -67,3 +68,18 @@ def test_horizons_corrections_and_laws_count(monkeypatch):
     assert corrected.memory == pytest.approx(rough.memory + 900 * 8 * slots) and softened.memory == pytest.approx(rough.memory + 900 * 8)
     by_energy = estimate(parse_scene(text, "t", ["material.solid.failure=energy"])).critical_stretch
     assert len(by_energy) == 2 and "3 G/(2 t delta^3)" in by_energy[0][1] and f"w = {1.5e-3 / 27:.6g} " in by_energy[0][1]
+
+
+@pytest.mark.parametrize("kind", ["table", "mesh"])
+def test_bodies_from_files(monkeypatch, kind, tmp_path):
+    counts, path = (30, 20), tmp_path / "points.inp"
+    write_table(path, cracked(counts)) if kind == "table" else write_cells(path, counts)
+    group = "2" if kind == "table" else "right"
+    scene = parse_scene(cracked(counts, f'shape = "{kind}"\nfile = "{path}"', f'shape = "group"\ngroup = "{group}"'), "t")
+    whole, exact = estimate(parse_scene(cracked(counts), "t"), 2), estimate(scene, 2)
+    assert exact.exact and (exact.particles, exact.bonds, exact.steps, exact.critical_dt) == (whole.particles, whole.bonds, whole.steps, whole.critical_dt)
+    assert exact.memory - whole.memory == (300 * 80 + (600 * 300 if kind == "mesh" else 0)), "points at home and in use; on rank 0 the mesh"
+    monkeypatch.setattr(module, "_SMALL", 0)
+    rough = estimate(scene, 2)
+    assert not rough.exact and rough.particles == 600 and rough.bonds == estimate(parse_scene(cracked(counts), "t"), 2).bonds
+    assert rough.critical_dt == pytest.approx(exact.critical_dt, rel=0.02)
