@@ -1,4 +1,5 @@
 """The cells of a mesh file as points: their centroids, their volumes, and the groups they belong to. On one rank."""
+import os
 from pathlib import Path
 
 import numpy as np
@@ -8,13 +9,14 @@ from pdhpc.fem.facets import DIM, FACETS, UNIT_CORNERS
 from pdhpc.fem.mesh_file import _FACET_KIND, _check_corners, _find_groups, _flatten, _label_rows, _merge_same, _read_raw, _turn_round
 from pdhpc.jit import kernel
 
+_TIMES_FILE = 4  # memory while a binary file is read, in sizes of the file
 _PIECE = 1 << 18  # cells that become points at once
 
 
 class CellFile:
     """A mesh file, read whole.
 
-    Memory while reading: what meshio needs, and 8 bytes for each corner of a cell, about three times over: for hexahedra some 300 bytes a cell.
+    Memory while reading: some 430 bytes for a hexahedron, which is four times a binary file (meshio's arrays, and the corners three times over).
 
     Attributes
     ----------
@@ -26,8 +28,9 @@ class CellFile:
 
         Raises
         ------
-        ValueError: no such file, not readable, no cells or cells of other kinds, corners that are missing, points that are not finite or not in a plane, flat or folded cells.
+        ValueError: no such file, too large for this machine, not readable, no cells or cells of other kinds, corners that are missing, points that are not finite or not in a plane, flat or folded cells.
         """
+        _check_size(Path(path))
         raw = _read_raw(Path(path))
         try:
             self._take(raw)
@@ -90,6 +93,14 @@ def compile_cells(dim):
     points, cells = UNIT_CORNERS[kind].astype(float), np.arange(len(UNIT_CORNERS[kind]), dtype=np.int32)[None]
     _turn_round(kind, points, cells)
     measure(kind, points, cells)
+
+
+def _check_size(path):
+    """Raise a ValueError for a file that this machine cannot hold."""
+    memory = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    size = path.stat().st_size if path.is_file() else 0
+    if _TIMES_FILE * size > memory:
+        raise ValueError(f"the mesh {path} has {size / 1e9:.3g} GB, and rank 0, which reads it whole, needs about {_TIMES_FILE} times that; this machine has {memory / 1e9:.3g} GB")
 
 
 def _find_kinds(raw):

@@ -32,7 +32,7 @@ _FACTOR_BYTES = 8  # of a bond slot: its surface correction
 _RAISED_BYTES = 8  # of a particle whose critical stretch rises with compression
 _SMALL = 1.2e7  # directed bonds up to which the body is built
 _SLAB_POINTS = 1 << 20
-_BYTES_PER_FILE_CELL = 300  # of a mesh file while rank 0 deals it out
+_BYTES_PER_FILE_CELL = 430  # of a mesh file while rank 0 deals it out
 _BYTES_PER_FILE_POINT = {2: 80, 3: 96}  # of a body from a file, at home and where it is used
 
 

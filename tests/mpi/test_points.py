@@ -76,6 +76,21 @@ def test_a_mesh_of_several_sizes_has_the_same_bits_on_any_number_of_ranks(comm, 
 
 
 @pytest.mark.mpi(min_size=2)
+def test_bodies_of_two_spacings_have_the_same_bits_on_any_number_of_ranks(comm):
+    from mpi4py import MPI
+
+    finer = '[[body]]\nname = "finer"\nmaterial = "solid"\nshape = "box"\nlower = [24.0, 0.0]\nupper = [30.0, 12.0]\nspacing = 0.75\n'
+    text = cracked(COUNTS, right='shape = "box"\nlower = [26.0, 0.0]\nupper = [30.0, 12.0]') + finer
+    scene = parse_scene(text, "t", ["particles.volume_correction=none"])
+    alone, together = Simulation(scene, MPI.COMM_SELF), Simulation(scene, comm)
+    reference, record = alone.run(quiet=True), together.run(quiet=True)
+    expected = gathered(MPI.COMM_SELF, alone)
+    for name, values in gathered(comm, together).items():
+        assert np.array_equal(values, expected[name]), name
+    assert record["energies"] == reference["energies"] and record["particles"] == 24 * 12 + 8 * 16 and record["broken_bonds"] > 50
+
+
+@pytest.mark.mpi(min_size=2)
 @pytest.mark.parametrize("kind", ["table", "mesh"])
 def test_a_fine_region_takes_particles_of_files(comm, folder, kind):
     """The coupled run of a file's particles on all ranks is that of the lattice's cloud on one, but for sums over ranks in the interface."""

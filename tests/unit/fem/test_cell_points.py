@@ -98,3 +98,11 @@ def test_files_that_are_no_meshes(tmp_path):
         (tmp_path / name).write_text(text)
         with pytest.raises(ValueError, match="cannot be read|has no cells"):
             CellFile(tmp_path / name)
+
+
+def test_a_file_larger_than_the_memory(tmp_path):
+    """A file with a hole: its size is 2^42 bytes."""
+    with open(tmp_path / "huge.msh", "wb") as file:
+        file.truncate(1 << 42)
+    with pytest.raises(ValueError, match="has 4.4e.03 GB, and rank 0, which reads it whole, needs about 4 times that"):
+        CellFile(tmp_path / "huge.msh")

@@ -78,7 +78,7 @@ def test_bodies_from_files(monkeypatch, kind, tmp_path):
     scene = parse_scene(cracked(counts, f'shape = "{kind}"\nfile = "{path}"', f'shape = "group"\ngroup = "{group}"'), "t")
     whole, exact = estimate(parse_scene(cracked(counts), "t"), 2), estimate(scene, 2)
     assert exact.exact and (exact.particles, exact.bonds, exact.steps, exact.critical_dt) == (whole.particles, whole.bonds, whole.steps, whole.critical_dt)
-    assert exact.memory - whole.memory == (300 * 80 + (600 * 300 if kind == "mesh" else 0)), "points at home and in use; on rank 0 the mesh"
+    assert exact.memory - whole.memory == (300 * 80 + (600 * 430 if kind == "mesh" else 0)), "points at home and in use; on rank 0 the mesh"
     monkeypatch.setattr(module, "_SMALL", 0)
     rough = estimate(scene, 2)
     assert not rough.exact and rough.particles == 600 and rough.bonds == estimate(parse_scene(cracked(counts), "t"), 2).bonds
