@@ -61,3 +61,9 @@ def test_bonded_leaves_out_what_has_no_neighbour_inside():
     half, row = HalfSpace((0.5, 0.0), (-1.0, 0.0)), P([[x, 0.0] for x in (0.0, 1.0, 3.0, 4.0, 5.0)])
     assert Bonded(half, 3.5, 1.0, stencil).contains(row).tolist() == [True, True, True, False, False]
     assert Within(half, 3.5).contains(row).tolist() == [True, True, True, True, False]
+
+
+def test_distances_from_a_hollow_cylinder():
+    """On the axis the wall is a bore's radius away, also past an end: there sideways and along."""
+    tube = Cylinder((0.0, 0.0, 0.0), (0.0, 0.0, 2.0), 3.0, 1.0)
+    assert tube.distance(P([[0.0, 0.0, 1.0], [0.5, 0.0, 1.0], [2.0, 0.0, 1.0], [5.0, 0.0, 1.0], [0.0, 0.0, 3.0]])) == pytest.approx([1.0, 0.5, 0.0, 2.0, 2**0.5])

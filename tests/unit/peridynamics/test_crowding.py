@@ -58,3 +58,10 @@ def test_coincident_particles_are_named():
     with pytest.raises(ValueError, match="same place") as caught:
         crowded((0.0, 0.0))
     assert caught.value.ids == (0, 64)
+
+
+def test_a_full_family_of_one_body_is_its_own_affair():
+    """Volumes are what a file says; only strangers in a family show that bodies overlap."""
+    body = LatticeBody(Box((0.0, 0.0), (8.0, 8.0)), 1.0, 0)
+    subdomain = make_subdomain([body], WHOLE, 0, RADIUS, lambda points, number, ids: (np.full(len(points), 3.0), np.zeros(len(points), np.uint8)), False)
+    assert find_crowded(subdomain, np.full(64, 3**0.5), np.zeros(64, int), np.pi * RADIUS**2) is None

@@ -139,3 +139,23 @@ def test_a_point_given_twice(folder, alone):
     (folder / "points.txt").write_text(text + text.splitlines()[8] + "\n")
     with pytest.raises(SceneError, match="row 8 of body 'body' and row 73 of body 'body' at the same place"):
         build(scene_of(folder, TABLE), alone)
+
+
+def test_each_particle_has_the_volume_of_its_row(folder, alone):
+    rows = [line.split() for line in (folder / "points.txt").read_text().splitlines()[1:]]
+    volume = 1.0 + 1e-3 * np.arange(len(rows))
+    (folder / "points.txt").write_text("".join(f"{x} {y} {v!r} {block}\n" for (x, y, _, block), v in zip(rows, volume.tolist())))
+    problem = build(scene_of(folder, TABLE + "block = 1\n", 'shape = "box"\nlower = [8.0, 0.0]\nupper = [10.0, 6.0]'), alone)
+    particles = problem.subdomain.particles
+    assert np.array_equal(particles.volume, volume[:60]) and np.array_equal(particles.id, np.arange(60))
+    assert problem.body.volumes == pytest.approx([volume[:60].mean()])
+
+
+def test_bonds_of_a_group_may_be_barred_from_failing(folder, alone):
+    problem = build(scene_of(folder, MESH, 'shape = "group"\ngroup = "right"', extra='[damage]\nno_fail = ["right"]\n'), alone)
+    subdomain, right = problem.subdomain, problem.subdomain.places()[:, 0] > 10
+    assert len(np.unique(subdomain.particles.block[right])) == len(np.unique(subdomain.particles.block[~right])) == 1
+    stepper = problem.stepper()
+    for _ in range(problem.n_steps):
+        stepper.advance()
+    assert stepper.broken == 0 or np.all(subdomain.bonds.damage()[right] == 0.0)
