@@ -1,16 +1,18 @@
 """Bonds of a general cloud of particles (compressed rows, full list: each particle sums all of its own bonds), eight bonds at a time.
 
 Each row is summed by one thread of control over slots sorted by global id, so a particle's force has the same bits on any rank that owns it. Rows of
-several blocks or volumes (MIXED) go bond by bond (kernels/reference.py).
+several blocks (MIXED) go bond by bond (kernels/reference.py); those of several volumes (VARIED) look each neighbour's up.
 """
 import numpy as np
 
 from pdhpc.jit import implements, inlined
 from pdhpc.kernels import family, reference
 from pdhpc.kernels.failure import beyond_of_eight, limit_of_block, strained_of_eight
-from pdhpc.kernels.family import MIXED
+from pdhpc.kernels.family import MIXED, VARIED
 from pdhpc.kernels.neighbours import BondArrays, CorrectedArrays
-from pdhpc.kernels.simd import LANES, any_of, at, both, either, fma, gather_xy, gather_xyz, lane_mask, lane_max, lane_sum, larger, load8, root8, rsqrt8, select, splat
+from pdhpc.kernels.simd import (
+    LANES, any_of, at, both, either, fma, gather8, gather_xy, gather_xyz, lane_mask, lane_max, lane_sum, larger, load8, root8, rsqrt8, select, splat,
+)
 from pdhpc.materials.bond_based import BondBasedLaw
 from pdhpc.materials.law import bond_weight, moment_weight, near_end, pull, weighting_between
 from pdhpc.materials.state_based import LinearSolidLaw
@@ -78,13 +80,17 @@ def _store(record):
     def _force_row(bonds, i, points, law, state, linear, third, force_density):
         if points.row_block[i] == MIXED:
             return reference.force_on(bonds, i, points, law, state, linear, third, force_density)
-        return force_of_row(bonds, None, i, points, law, state, linear, third, force_density)
+        if points.row_block[i] == VARIED:
+            return force_of_row(bonds, None, points.volume, i, points, law, state, linear, third, force_density)
+        return force_of_row(bonds, None, None, i, points, law, state, linear, third, force_density)
 
     @implements(family.dilatation_row, record)
     def _dilatation_row(bonds, i, points, law, state, linear, third):
         if points.row_block[i] == MIXED:
             return reference.dilatation_of(bonds, i, points, law, state, linear, third)
-        return dilatation_of_row(bonds, None, i, points, law, state, linear, third)
+        if points.row_block[i] == VARIED:
+            return dilatation_of_row(bonds, None, points.volume, i, points, law, state, linear, third)
+        return dilatation_of_row(bonds, None, None, i, points, law, state, linear, third)
 
     @implements(family.energy_row, record)
     def _energy_row(bonds, i, points, law, state, linear, third, energy):
@@ -132,9 +138,12 @@ def _corrected(bonds, k, tension):
 
 
 @inlined
-def force_of_row(bonds, shares, i, points, law, state, linear, third, force_density):
-    """Sum the forces on a particle, of bonds shared as `shares` (shared.CloudShares) says, or of whole ones (None)."""
-    block = points.row_block[i]
+def force_of_row(bonds, shares, volumes, i, points, law, state, linear, third, force_density):
+    """Sum the forces on a particle, of bonds shared as `shares` (shared.CloudShares) says, or of whole ones (None).
+
+    volumes : of all particles, where those of the row differ; None where they are its own.
+    """
+    block = points.block[i]
     near = near_end(law, points, state, i, i)
     fx, fy, fz, beyond = splat(0.0), splat(0.0), splat(0.0), lane_mask(np.uint8(0))
     limit, weighting = limit_of_block(law.failure, law, block), weighting_between(law.weighting, block, block)
@@ -147,10 +156,12 @@ def force_of_row(bonds, shares, i, points, law, state, linear, third, force_dens
         beyond = either(beyond, both(live, beyond_of_eight(law.failure, law, limit, weighting, near, far, inv_l, measure, linear)))
         if shares is not None:
             tension = tension * load8(shares.weight, shares.row_start[shares.row[i]] + k - bonds.row_start[i])
+        if volumes is not None:
+            tension = tension * gather8(volumes, bonds.neighbour, k)
         fx, fy = select(live, fma(tension, dx, fx), fx), select(live, fma(tension, dy, fy), fy)
         if third is not None:
             fz = select(live, fma(tension, dz, fz), fz)
-    volume = points.volume[i]
+    volume = points.volume[i] if volumes is None else 1.0
     if shares is not None:
         volume = volume * shares.over_mass[shares.row[i]]
     force_density[i, 0] = lane_sum(fx) * volume
@@ -161,9 +172,9 @@ def force_of_row(bonds, shares, i, points, law, state, linear, third, force_dens
 
 
 @inlined
-def dilatation_of_row(bonds, shares, i, points, law, state, linear, third):
-    """Set p of a particle; `shares` as of force_of_row."""
-    block = points.row_block[i]
+def dilatation_of_row(bonds, shares, volumes, i, points, law, state, linear, third):
+    """Set p of a particle; `shares` and `volumes` as of force_of_row."""
+    block = points.block[i]
     total, beyond = splat(0.0), lane_mask(np.uint8(0))
     limit, weighting = limit_of_block(law.failure, law, block), weighting_between(law.weighting, block, block)
     for k in range(bonds.row_start[i], bonds.row_start[i + 1], LANES):
@@ -173,9 +184,11 @@ def dilatation_of_row(bonds, shares, i, points, law, state, linear, third):
         extension = measure if linear is not None else root8(measure) - 1.0
         if shares is not None:
             extension = extension * load8(shares.weight, shares.row_start[shares.row[i]] + k - bonds.row_start[i])
+        if volumes is not None:
+            extension = extension * gather8(volumes, bonds.neighbour, k)
         total = select(live, fma(moment_weight(law, weighting, inv_l), extension, total), total)
         beyond = either(beyond, both(live, strained_of_eight(law.failure, limit, measure)))
-    volume = points.volume[i]
+    volume = points.volume[i] if volumes is None else 1.0
     if shares is not None:
         volume = volume * shares.over_energy[shares.row[i]]
     state[i, 1] = law.volumetric[block] * state[i, 0] * state[i, 0] * lane_sum(total) * volume

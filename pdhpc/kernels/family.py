@@ -13,7 +13,10 @@ from pdhpc.jit import inlined
 from pdhpc.kernels.simd import fma
 
 MIXED = 255
-"""Mark of a row whose neighbours differ in block or volume; other rows carry their block. No block has this number, nor a slot without a particle another."""
+"""Mark of a row whose neighbours differ in block; other rows carry their block. No block has this number, nor a slot without a particle another."""
+
+VARIED = 254
+"""Mark of a row of a cloud whose neighbours are of its block, but differ in volume. No block has this number."""
 
 
 class PointArrays(NamedTuple):
@@ -21,7 +24,7 @@ class PointArrays(NamedTuple):
 
     reference (n, width), m (of a cloud; empty in a lattice); position (n, width), m: current positions (finite kinematics) or displacements (linear); width 2
     in 2D; in 3D 4 in a cloud, so that a row is one load, and 3 in a lattice, where each component lies together;
-    volume (n,), m^3; block (n,) uint8; row_block (n_owned,) uint8, of a cloud: the block of the whole row, or MIXED;
+    volume (n,), m^3; block (n,) uint8; row_block (n_owned,) uint8, of a cloud: the block of the whole row, MIXED or VARIED;
     raised (n,): by how much compression raises the critical stretch of a particle, of materials that soften so (materials/failure.py), else empty.
     """
 

@@ -12,7 +12,7 @@ import numpy as np
 from pdhpc.jit import implements, sweep
 from pdhpc.kernels import family
 from pdhpc.kernels.cloud import BondArrays, dilatation_of_row, force_of_row
-from pdhpc.kernels.family import MIXED
+from pdhpc.kernels.family import MIXED, VARIED
 from pdhpc.kernels.lattice import LatticeArrays, dilatation_of_eight, energy_of_eight, force_of_eight, frequency_of_eight
 from pdhpc.kernels.reference import dilatation_of, energy_of, force_on, frequency_of
 from pdhpc.kernels.simd import LANES
@@ -235,7 +235,9 @@ def _set_over_energy_of_lattice(bonds, i, value):
 def _force_row_of_cloud(bonds, i, points, law, state, linear, third, force_density):
     if points.row_block[i] == MIXED:
         return force_on(bonds, i, points, law, state, linear, third, force_density)
-    return force_of_row(bonds.bonds, bonds, i, points, law, state, linear, third, force_density)
+    if points.row_block[i] == VARIED:
+        return force_of_row(bonds.bonds, bonds, points.volume, i, points, law, state, linear, third, force_density)
+    return force_of_row(bonds.bonds, bonds, None, i, points, law, state, linear, third, force_density)
 
 
 @implements(family.force_row, LatticeShares)
@@ -247,7 +249,9 @@ def _force_row_of_lattice(bonds, i, points, law, state, linear, third, force_den
 def _dilatation_row_of_cloud(bonds, i, points, law, state, linear, third):
     if points.row_block[i] == MIXED:
         return dilatation_of(bonds, i, points, law, state, linear, third)
-    return dilatation_of_row(bonds.bonds, bonds, i, points, law, state, linear, third)
+    if points.row_block[i] == VARIED:
+        return dilatation_of_row(bonds.bonds, bonds, points.volume, i, points, law, state, linear, third)
+    return dilatation_of_row(bonds.bonds, bonds, None, i, points, law, state, linear, third)
 
 
 @implements(family.dilatation_row, LatticeShares)

@@ -440,6 +440,23 @@ def store8(typing, array, index, vector):
     return types.void(array, types.intp, F64x8), lower
 
 
+@intrinsic
+def gather8(typing, column, neighbour, k):
+    """Return column[neighbour[k]] ... column[neighbour[k + 7]] of a contiguous float64 array; neighbour int32, not negative."""
+
+    def lower(context, builder, signature, arguments):
+        column, neighbour, k = arguments
+        result = ir.Constant(_VECTOR, ir.Undefined)
+        for lane in range(LANES):
+            index = builder.add(k, ir.Constant(k.type, lane))
+            name = builder.zext(builder.load(_element(context, builder, signature.args[1], neighbour, index)), k.type)
+            value = builder.load(_element(context, builder, signature.args[0], column, name))
+            result = builder.insert_element(result, value, ir.Constant(_I32, lane))
+        return result
+
+    return F64x8(column, neighbour, types.intp), lower
+
+
 def _gathered_rows(context, builder, signature, arguments, width):
     """Return the eight rows of `width` doubles that neighbour[k] ... neighbour[k + 7] name, as LLVM vectors."""
     table, neighbour, k = arguments

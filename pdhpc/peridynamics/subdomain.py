@@ -4,7 +4,7 @@ import numpy as np
 from pdhpc.geometry.lattice import points_of_bodies
 from pdhpc.jit import kernel
 from pdhpc.kernels import sweeps
-from pdhpc.kernels.family import MIXED, PointArrays
+from pdhpc.kernels.family import MIXED, VARIED, PointArrays
 from pdhpc.kernels.neighbours import CorrectedArrays, count_neighbours
 from pdhpc.kernels.shared import row_width_of, share_bonds
 from pdhpc.peridynamics.bonds import find_families
@@ -188,7 +188,7 @@ def _shell(lower, upper, inner_lower, inner_upper):
 
 
 def _row_blocks(particles, bonds):
-    """Return (n_owned,) uint8: the block of a row whose particle and neighbours agree in block and volume, else MIXED."""
+    """Return (n_owned,) uint8: the block of a row whose particle and neighbours agree in block and volume, else VARIED or MIXED."""
     row_block = particles.owned(particles.block).copy()
     volume, block = particles.volume, particles.block
     if np.ptp(volume) > 0 or np.ptp(block) > 0 if len(volume) else False:
@@ -198,13 +198,15 @@ def _row_blocks(particles, bonds):
 
 @kernel
 def mark_mixed(row_start, neighbour, volume, block, row_block):
-    """Store MIXED in row_block (n_owned,) of the rows with a neighbour of another block or volume."""
+    """Store in row_block (n_owned,) MIXED of the rows with a neighbour of another block, VARIED of those with one of another volume only."""
     for i in range(len(row_block)):
         for k in range(row_start[i], row_start[i + 1]):
             j = neighbour[k]
-            if volume[j] != volume[i] or block[j] != block[i]:
+            if block[j] != block[i]:
                 row_block[i] = MIXED
                 break
+            if volume[j] != volume[i]:
+                row_block[i] = VARIED
 
 
 @kernel

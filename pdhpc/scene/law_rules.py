@@ -2,7 +2,7 @@
 from pdhpc.scene.fields import Rule
 from pdhpc.scene.sections import reference, section
 
-_MOST_BLOCKS = 254  # numbers of blocks that a byte holds beside the mark of mixed rows
+_MOST_BLOCKS = 254  # numbers of blocks that a byte holds beside the marks of rows that differ
 
 
 def check_laws(scene):

@@ -6,7 +6,7 @@ from typing import List, NamedTuple, Tuple
 import numpy as np
 
 from pdhpc.geometry.points import PointBody
-from pdhpc.kernels.family import MIXED
+from pdhpc.kernels.family import VARIED
 from pdhpc.kernels.neighbours import LANES
 from pdhpc.kernels.lattice import WORD
 from pdhpc.parallel.comm import world
@@ -92,8 +92,8 @@ def estimate(scene, ranks=None):
         regions, m, overlap, dt, steps, more = _regions(scene, body, ranks, exact, family, critical)
     else:
         dt, steps, more = choose_step(scene, critical)
-    mixed = any(lattice.sizes[0] < lattice.sizes[2] for lattice in body.lattices if isinstance(lattice, PointBody))
-    rate = kernel_rate(scene, ratio, body.path.split(":")[0], body.law, mixed)
+    varied = any(lattice.sizes[0] < lattice.sizes[2] for lattice in body.lattices if isinstance(lattice, PointBody))
+    rate = kernel_rate(scene, ratio, body.path.split(":")[0], body.law, varied)
     memory = particles / ranks * _bytes_per_particle(scene, body, neighbours, ratio, particles / ranks) + _bytes_of_files(scene, body, ranks)
     work = sum(steps * region.bonds for steps, region in zip((1, m), regions)) if regions else bonds
     seconds = 2 * work * steps / (rate * ranks)
@@ -225,14 +225,14 @@ def _family_step(scene, body):
     return min(steps)
 
 
-def kernel_rate(scene, ratio, path, law, mixed=False):
-    """Return bonds per second and core of the force kernels of a law, measured on a small block; mixed : whether the particles' volumes differ."""
+def kernel_rate(scene, ratio, path, law, varied=False):
+    """Return bonds per second and core of the force kernels of a law, measured on a small block; varied : whether the particles' volumes differ."""
     cells = {2: 60, 3: 16}[scene.dim]
     variant = variant_of(law, scene.particles.surface_correction)
     sub, law = block(scene.dim, cells, min(ratio, 4.0), scene.particles.kinematics == "linear", path, scene.material[0].model, variant)
     sub.particles.place()
-    if mixed:
-        sub.points.row_block[:] = MIXED
+    if varied:
+        sub.points.row_block[:] = VARIED
     internal = InternalForces(sub, law, NoGhosts)
     best = math.inf
     for _ in range(4):

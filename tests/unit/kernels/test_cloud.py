@@ -17,10 +17,10 @@ MODELS = ("pmb", "lps")
 class Cloud:
     """A random cloud with random displacements and some dead bonds."""
 
-    def __init__(self, dim, linear, influence="constant", correction="linear", blocks=1, critical=None, order=None, seed=0, model="pmb"):
+    def __init__(self, dim, linear, influence="constant", correction="linear", blocks=1, critical=None, order=None, seed=0, model="pmb", varied=False):
         random = np.random.default_rng(seed)
         n = 300 if dim == 2 else 400
-        x, u, volume = random.random((n, dim)), 1e-2 * random.standard_normal((n, dim)), 1e-3 * (1 + (random.random(n) if blocks > 1 else np.zeros(n)))
+        x, u, volume = random.random((n, dim)), 1e-2 * random.standard_normal((n, dim)), 1e-3 * (1 + (random.random(n) if blocks > 1 or varied else np.zeros(n)))
         block = random.integers(0, blocks, n).astype(np.uint8)
         order = np.arange(n) if order is None else order
         self.ids, self.x, self.u = order.astype(np.int64), x[order], u[order]
@@ -36,7 +36,7 @@ class Cloud:
         reference, position = np.zeros((n, width)), np.zeros((n, width))
         reference[:, :dim] = self.x
         position[:, :dim] = self.u if linear else self.x + self.u
-        row_block = np.full(n, family.MIXED, np.uint8) if blocks > 1 else self.block.copy()
+        row_block = np.full(n, family.MIXED if blocks > 1 else family.VARIED, np.uint8) if blocks > 1 or varied else self.block.copy()
         self.points = family.PointArrays(reference, position, self.volume, self.block, row_block)
         self.force, self.dissipated, self.rows = np.full((n, dim), np.nan), np.zeros(n), np.arange(n, dtype=np.int32)
         self.state = None if model == "pmb" else np.zeros((n, 2))
@@ -89,9 +89,9 @@ CASES = [(dim, linear, influence, correction) for dim in (2, 3) for linear in (F
 
 
 @pytest.mark.parametrize("dim, linear, influence, correction", CASES)
-@pytest.mark.parametrize("blocks", [1, 2])
-def test_forces_energies_and_stresses_are_the_sums(dim, linear, influence, correction, blocks):
-    body = Cloud(dim, linear, influence, correction, blocks)
+@pytest.mark.parametrize("blocks, varied", [(1, False), (1, True), (2, False)])
+def test_forces_energies_and_stresses_are_the_sums(dim, linear, influence, correction, blocks, varied):
+    body = Cloud(dim, linear, influence, correction, blocks, varied=varied)
     body.kill(0.2)
     assert body.forces() == 0
     force, energy, stress = np.zeros((body.n, dim)), np.zeros(body.n), np.zeros((body.n, dim, dim))
@@ -143,21 +143,21 @@ def test_a_broken_bond_dissipates_its_energy_at_the_critical_stretch():
     assert body.dissipated.sum() == pytest.approx(total, rel=1e-12)
 
 
-@pytest.mark.parametrize("dim, linear, blocks", [(2, False, 1), (2, True, 2), (3, False, 2), (3, True, 1)])
+@pytest.mark.parametrize("dim, linear, blocks, varied", [(2, False, 1, False), (2, True, 2, False), (3, False, 2, False), (3, True, 1, False), (2, True, 1, True), (3, False, 1, True)])
 @pytest.mark.parametrize("model", MODELS)
-def test_forces_have_the_same_bits_under_any_numbering(dim, linear, blocks, model):
-    plain, shuffled = Cloud(dim, linear, blocks=blocks, critical=0.05, model=model), None
+def test_forces_have_the_same_bits_under_any_numbering(dim, linear, blocks, varied, model):
+    plain, shuffled = Cloud(dim, linear, blocks=blocks, critical=0.05, model=model, varied=varied), None
     order = np.random.default_rng(5).permutation(plain.n)
-    shuffled = Cloud(dim, linear, blocks=blocks, critical=0.05, order=order, model=model)
+    shuffled = Cloud(dim, linear, blocks=blocks, critical=0.05, order=order, model=model, varied=varied)
     assert plain.forces() == shuffled.forces() > 0
     assert np.array_equal(plain.force[order], shuffled.force)
     assert np.array_equal(plain.dissipated[order], shuffled.dissipated)
 
 
 @pytest.mark.parametrize("dim, linear, influence, correction", CASES)
-@pytest.mark.parametrize("model", MODELS)
-def test_eight_at_a_time_agrees_with_bond_by_bond(dim, linear, influence, correction, model):
-    eight, one = (Cloud(dim, linear, influence, correction, critical=0.05, model=model) for _ in range(2))
+@pytest.mark.parametrize("model, varied", [*((model, False) for model in MODELS), ("lps", True)])
+def test_eight_at_a_time_agrees_with_bond_by_bond(dim, linear, influence, correction, model, varied):
+    eight, one = (Cloud(dim, linear, influence, correction, critical=0.05, model=model, varied=varied) for _ in range(2))
     for body in (eight, one):
         body.kill(0.2)
     broken = eight.forces()

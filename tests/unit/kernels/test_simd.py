@@ -8,7 +8,7 @@ import pytest
 from pdhpc.jit import kernel
 from pdhpc.kernels import simd
 from pdhpc.kernels.simd import (
-    any_of, fma, gather_xy, gather_xyz, has_bit, lane_mask, lane_sum, larger, load8, lookup8, root8, rsqrt8, rsqrt8_exact, select, splat, sqrt8, store8, words8,
+    any_of, fma, gather8, gather_xy, gather_xyz, has_bit, lane_mask, lane_sum, larger, load8, lookup8, root8, rsqrt8, rsqrt8_exact, select, splat, sqrt8, store8, words8,
 )
 
 A = np.array([1.5, -2.0, 3.25, 0.0, 1e-300, 7.0, -0.5, 4.0])
@@ -103,6 +103,18 @@ def test_gather_takes_rows_apart(width, gather):
     gather(table, neighbour, 8, out)
     axes = min(width, 3)
     assert np.array_equal(out[:axes], table[neighbour[8:16], :axes].T)
+
+
+@kernel
+def _gather1(column, neighbour, k, out):
+    store8(out, 0, gather8(column, neighbour, k))
+
+
+def test_gather_of_a_column():
+    column, out = np.random.default_rng(0).random(40), np.zeros(8)
+    neighbour = np.random.default_rng(1).integers(0, 40, 24).astype(np.int32)
+    _gather1(column, neighbour, 8, out)
+    assert np.array_equal(out, column[neighbour[8:16]])
 
 
 @kernel

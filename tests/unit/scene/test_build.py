@@ -3,6 +3,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pdhpc.kernels.family import VARIED
 from pdhpc.scene.build import build
 from pdhpc.scene.gauges import make_gauges
 from pdhpc.scene.read import parse_scene, read_scene
@@ -118,6 +119,8 @@ def test_bodies_of_two_spacings():
     assert problem.body.path == "cloud: body 2 has a spacing of 0.5 m, body 1 of 1 m" and particles.n_owned == 100 + 8 * 20
     finer = subdomain.places()[:, 0] > 5.0
     assert np.array_equal(particles.volume, np.where(finer, 0.25, 1.0)) and particles.volume.sum() == 140.0
+    near = np.abs(subdomain.places()[:, 0] - 5.0) < 3.4
+    assert np.all(subdomain.points.row_block[near] == VARIED) and np.all(subdomain.points.row_block[np.abs(subdomain.places()[:, 0] - 5.0) > 4.1] == 0)
     particles.displacement[:] = 1e-3 * np.sin(subdomain.places() @ [[0.3, 0.1], [0.2, 0.4]])
     stepper = problem.stepper()
     force = particles.force_density * particles.volume[:, None]
