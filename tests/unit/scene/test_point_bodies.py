@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from pdhpc.geometry.points import PointBody
+from pdhpc.kernels.family import VARIED
 from pdhpc.scene.body import make_body, select
 from pdhpc.scene.build import build
 from pdhpc.scene.read import parse_scene, read_scene
@@ -159,3 +160,22 @@ def test_bonds_of_a_group_may_be_barred_from_failing(folder, alone):
     for _ in range(problem.n_steps):
         stepper.advance()
     assert stepper.broken == 0 or np.all(subdomain.bonds.damage()[right] == 0.0)
+
+
+def test_a_fine_region_of_particles_of_several_volumes(folder, alone):
+    """With one fine step in one of the rest the coupled run is the undivided one; rows of the overlap have weights and volumes of their own."""
+    rows = [line.split() for line in (folder / "points.txt").read_text().splitlines()[1:]]
+    (folder / "points.txt").write_text("".join(f"{x} {y} {0.9 + 0.2 * k / len(rows)!r} {block}\n" for k, (x, y, _, block) in enumerate(rows)))
+    fine = '[fine]\nshape = "box"\nlower = [8.0, 0.0]\nupper = [12.0, 6.0]\nstep_ratio = 1\ninterface = "exact"\n'
+    options = ["particles.volume_correction=none", "particles.kinematics=linear", "material.solid.critical_stretch=1.0", "time.dt=0.4", "time.end=4.0"]
+    ends = []
+    for extra in ("", fine):
+        problem = build(scene_of(folder, TABLE, overrides=options, right='shape = "group"\ngroup = "2"', extra=extra), alone)
+        assert (problem.subdomain.points.row_block == VARIED).sum() > 20
+        stepper = problem.stepper()
+        for _ in range(problem.n_steps):
+            stepper.advance()
+        view = stepper.view
+        view.prepare()
+        ends.append(view.field("displacement")[np.argsort(view.ids)])
+    assert np.abs(ends[0] - ends[1]).max() < 1e-11 * np.abs(ends[0]).max()
