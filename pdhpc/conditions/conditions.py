@@ -62,12 +62,46 @@ class Conditions:
 
 
 class ParticleConditions(Conditions):
-    """Conditions on one rank's particles, by slots of owned ones: forces are force densities, N/m^3."""
+    """Conditions on one rank's particles, by slots of owned ones: forces are force densities, N/m^3.
+
+    interactions : what acts on particles by where they are and how fast (contact, impactors): objects with add_to(force_density, t, broken) at every
+    evaluation, moved(dt) once positions are those of the step's end, worked(dt) once forces are, both with velocities of the half step; ledger(),
+    external_work(), bytes_sent, warnings() and state(). Empty but for whoever sets it.
+    """
 
     def __init__(self, particles, density, loads=(), motions=()):
         """density : (n_block,), kg/m^3."""
         super().__init__(particles, [0.5 * density[particles.block[motion.indices]] for motion in motions], loads, motions)
-        self.particles = particles
+        self.particles, self.interactions = particles, []
+
+    def add_loads(self, t, broken=0):
+        """Add every load and interaction at time t to the forces; broken : directed bonds of this rank that broke so far. Collective with interactions."""
+        super().add_loads(t)
+        for each in self.interactions:
+            each.add_to(self.forces(), t, broken)
+
+    def start_of_step(self, dt):
+        """Account for the work of the forces at the step's start and take what interacts to its end; the velocity is that of the half step. Local."""
+        self.work_of_old_forces(dt)
+        for each in self.interactions:
+            each.moved(dt)
+
+    def work_of_new_forces(self, t, dt):
+        """Account for the work of the forces at the step's end (at time t), and of the loads over the whole step. Local."""
+        super().work_of_new_forces(t, dt)
+        for each in self.interactions:
+            each.worked(dt)
+
+    def external_work(self):
+        """Return (n,) work done so far, J, that of interactions too: its sum is the external work."""
+        return np.concatenate([super().external_work(), *(work for each in self.interactions for work in each.external_work())])
+
+    def state(self):
+        """Return {key: (getter, setter)} of the work accounts and of the interactions."""
+        state = super().state()
+        for each in self.interactions:
+            state.update(each.state())
+        return state
 
     def forces(self):
         """Return (n_slots, dim) force densities, N/m^3."""

@@ -2,26 +2,32 @@
 from pdhpc.parallel.comm import exact_sum
 
 NAMES = ("kinetic_energy", "strain_energy", "dissipated_energy", "external_work")
+OF_INTERACTIONS = ("contact_energy", "contact_loss", "impactor_energy")
+"""Energy stored in contact and in impactors' penalties, lost to friction and damping, and kinetic energy of free impactors."""
 
 
 class Energies:
     """Kinetic, strain and dissipated energy, external work, and the balance error
 
-        kinetic + strain + dissipated - external_work - (kinetic + strain at the start).
+        kinetic + strain + dissipated - external_work - (kinetic + strain at the start),
 
-    Sums over particles are exact, so that every digit is the same on any number of ranks.
+    with contact or impactors also contact_energy + contact_loss + impactor_energy. Sums over particles are exact, so that every digit is the same on any
+    number of ranks.
     """
 
-    columns = tuple(f"{name} [J]" for name in NAMES) + ("balance_error [J]", "broken_bonds")
-
-    def __init__(self, comm):
+    def __init__(self, comm, more=()):
+        """more : names of the ledger beside NAMES, which hold energy."""
         self.comm, self.initial, self.latest = comm, None, {}
+        self.names = NAMES + tuple(more)
+        self.columns = tuple(f"{name} [J]" for name in self.names) + ("balance_error [J]", "broken_bonds")
 
     def read(self, stepper):
         """Return the values of the columns. Collective."""
         ledger = stepper.ledger()
-        energies = {name: exact_sum(self.comm, ledger[name]) for name in NAMES}
+        energies = {name: exact_sum(self.comm, ledger[name]) for name in self.names}
         stored = energies["kinetic_energy"] + energies["strain_energy"]
+        for name in self.names[len(NAMES) :]:
+            stored += energies[name]
         if self.initial is None:
             self.initial = stored + energies["dissipated_energy"] - energies["external_work"]
         error = stored + energies["dissipated_energy"] - energies["external_work"] - self.initial
@@ -31,7 +37,7 @@ class Energies:
 
     def relative_error(self):
         """Return |balance error| over the largest of the energies, or 0 for a body at rest."""
-        scale = max([abs(self.latest[name]) for name in NAMES] + [abs(self.initial)])
+        scale = max([abs(self.latest[name]) for name in self.names] + [abs(self.initial)])
         return abs(self.latest["balance_error"]) / scale if scale > 0 else 0.0
 
     def state(self):

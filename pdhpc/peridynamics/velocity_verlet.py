@@ -82,11 +82,11 @@ class VelocityVerlet:
         started = time.perf_counter()
         self._kick_and_drift()
         self.step += 1
-        self.conditions.work_of_old_forces(self.dt)
+        self.conditions.start_of_step(self.dt)
         self.seconds["integrate"] += time.perf_counter() - started
 
     def finish(self):
-        """Take velocities to the end of the step: all that comes after its internal forces. Local."""
+        """Take velocities to the end of the step: all that comes after its internal forces. Collective with interactions, else local."""
         started = time.perf_counter()
         self._add_loads()
         self.conditions.work_of_new_forces(self.time, self.dt)
@@ -106,7 +106,7 @@ class VelocityVerlet:
 
     def _add_loads(self):
         """Add what acts beside the bonds to the force density."""
-        self.conditions.add_loads(self.time)
+        self.conditions.add_loads(self.time, self.internal.broken)
         if self.reaction is not None:
             self.reaction.add_to(self.subdomain.particles.force_density)
 
@@ -149,9 +149,13 @@ class VelocityVerlet:
         if particles.mass_share is not None:
             mine = particles.mass_share[particles.slots] > 0.0  # copies that move as they are told have no energy of their own
             strain, dissipated = strain * mine, dissipated * mine
-        return {
+        ledger = {
             "kinetic_energy": kinetic,
             "strain_energy": strain,
             "dissipated_energy": dissipated,
             "external_work": self.conditions.external_work(),
         }
+        for each in self.conditions.interactions:
+            for name, values in each.ledger().items():
+                ledger[name] = np.concatenate([ledger[name], values]) if name in ledger else values
+        return ledger

@@ -4,6 +4,7 @@ from pdhpc.peridynamics.bonds import cut_by_cracks
 from pdhpc.peridynamics.velocity_verlet import VelocityVerlet
 from pdhpc.scene.body import make_body
 from pdhpc.scene.conditions import make_conditions, select_particles, set_initial_state
+from pdhpc.scene.interactions import make_interactions, stiffer_step
 from pdhpc.scene.parts import make_part, partition_of
 from pdhpc.scene.problem import Problem
 from pdhpc.scene.regions import make_regions
@@ -36,14 +37,16 @@ def _build_particles(scene, comm):
         return _build_regions(scene, body, comm)
     part = make_part(scene, body, comm, partition_of(scene, body, comm))
     _furnish(scene, body, [part], comm)
-    dt, n_steps, warnings = choose_step(scene, part.critical_dt)
+    critical = stiffer_step(scene, body, part.critical_dt)
+    dt, n_steps, warnings = choose_step(scene, critical)
     if scene.fine is not None:
         warnings.append('[fine] is not used: time.method = "single" takes one step for the whole body')
 
     def make_stepper(dt):
+        part.conditions.interactions = make_interactions(scene, body, part, comm, dt)
         return VelocityVerlet(part.subdomain, body.law, part.conditions, part.exchange.bind, dt)
 
-    return Problem(scene, body, [part], part.critical_dt, dt, 1, n_steps, warnings, make_stepper)
+    return Problem(scene, body, [part], critical, dt, 1, n_steps, warnings, make_stepper)
 
 
 def _build_regions(scene, body, comm):

@@ -1,12 +1,13 @@
 """Scene -> what history.csv records: energies, probes, crack tips and fragments."""
 from pdhpc.observers.crack_tip import CrackTip
-from pdhpc.observers.energies import Energies
+from pdhpc.observers.energies import OF_INTERACTIONS, Energies
 from pdhpc.observers.fragments import Fragments
+from pdhpc.observers.impactors import ImpactorGauge
 from pdhpc.observers.probes import Probe, nearest_point
 
 
 def make_gauges(problem, view, comm):
-    """Return (energies, probes, tips) of a problem, seen as the stepper's `view`: what history.csv records. Collective."""
+    """Return (energies, probes and impactors, tips) of a problem, seen as the stepper's `view`: what history.csv records. Collective."""
     scene, probes = problem.scene, []
     for probe in scene.probe:
         if probe.point is not None:
@@ -19,7 +20,9 @@ def make_gauges(problem, view, comm):
     for tip in scene.tip:
         members = problem.members(view, comm, tip.region, f"tip '{tip.name}': region")
         tips.append(CrackTip(comm, tip, members, view, problem.dt))
-    return Energies(comm), probes, tips
+    probes += [ImpactorGauge(comm, table.name, scene.dim) for table in scene.impactor]
+    held = OF_INTERACTIONS if scene.impactor else OF_INTERACTIONS[:2] if scene.contact is not None else ()
+    return Energies(comm, held), probes, tips
 
 
 def make_fragments(problem, comm):

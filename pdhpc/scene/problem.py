@@ -34,6 +34,10 @@ class Uncoupled:
         """Return what run.json says of the coupling (the gauge that `coupling` returned), or None. Collective."""
         return None
 
+    def remarks(self):
+        """Return sentences on what happened in a run that its user should know. Local; those of rank 0 are reported."""
+        return []
+
 
 @dataclass
 class Problem(Uncoupled):
@@ -117,6 +121,10 @@ class Problem(Uncoupled):
     def guards(self, stepper, comm, steps):
         """Return the observers that stop a run whose coupling fails, at `steps` and in between. Local."""
         return [CouplingGuard(comm, steps)] if hasattr(stepper, "operator") else []
+
+    def remarks(self):
+        """Return sentences on what happened in a run that its user should know. Local; those of rank 0 are reported."""
+        return [sentence for part in self.parts for each in part.conditions.interactions for sentence in each.warnings()]
 
     def coupled(self, stepper, comm, coupling):
         """Return what run.json says of the regions and their coupling (the gauge that `coupling` returned); None without. Collective."""

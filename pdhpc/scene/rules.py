@@ -1,5 +1,6 @@
 """Rules between the keys of a scene that types alone cannot hold; each broken one raises a Rule with section, key, finding and what is allowed."""
 from pdhpc.scene import law_rules, mesh_rules, point_rules
+from pdhpc.scene.contact_rules import check_contact
 from pdhpc.scene.fields import Rule, check_direction, check_vector
 from pdhpc.scene.overlap import distance, meet, overlap, reaches
 from pdhpc.scene.schema import COMPONENTS, KIND, POISSONS_RATIO
@@ -9,6 +10,8 @@ _WHOLE = 1e-6  # of a spacing: how closely a box must hold a whole number of cel
 _MOST_CELLS = 2**53
 _MOST_TIMES = 10**6
 _MOST_STEPS = 1e12
+OF_IMPACTORS = ("position", "velocity", "force")
+"""What history.csv holds of an impactor."""
 _FARTHEST = 1e9  # spacings from the origin up to which doubles resolve the lattice
 
 
@@ -29,6 +32,7 @@ def check(scene):
     _check_loads(scene)
     _check_time(scene)
     _check_fine(scene)
+    check_contact(scene)
     _check_output(scene)
     _check_probes(scene)
     _check_curves_and_tips(scene)
@@ -264,9 +268,10 @@ def _check_curves_and_tips(scene):
     named(scene.tip, "tip")
     probes = {probe.name for probe in scene.probe}
     columns = [f"{probe.name}.{probe.quantity}{end}" for probe in scene.probe for end in COMPONENTS[scene.dim][KIND[probe.quantity]]]
+    columns += [f"{impactor.name}.{word}{end}" for impactor in scene.impactor for word in OF_IMPACTORS for end in COMPONENTS[scene.dim]["vector"]]
     for number, curve in enumerate(scene.curve):
         for name in ("x", "y"):
-            reference(f"{section('curve', number, curve)}: {name}", getattr(curve, name), columns, "probe's component")
+            reference(f"{section('curve', number, curve)}: {name}", getattr(curve, name), columns, "probe's or impactor's component")
     for number, tip in enumerate(scene.tip):
         where = section("tip", number, tip)
         if tip.name in probes:

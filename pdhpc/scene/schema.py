@@ -3,6 +3,7 @@ from typing import Annotated, List, Literal, Optional
 
 from pydantic import PrivateAttr, model_validator
 
+from pdhpc.scene.contact import Contact, Impactor
 from pdhpc.scene.cracks import Crack
 from pdhpc.scene.fields import (
     AutoOrPositive, Filled, Flag, Fraction, Listed, Name, Names, NotNegative, Number, Numbers, Positive, Share, Table, Text, Vector, Whole, key, show,
@@ -176,6 +177,8 @@ class Scene(Table):
     interface: Annotated[List[Interface], Listed] = key("pairs of bodies and whether bonds join them", default=[])
     region: Annotated[List[Region], Listed] = key("named sets of particles", default=[])
     crack: Annotated[List[Crack], Listed] = key("pre-cracks: bonds that cross them are cut at the start", default=[])
+    contact: Optional[Contact] = key("contact between particles that are not bonded; none without this table", default=None)
+    impactor: Annotated[List[Impactor], Listed] = key("rigid bodies that particles cannot enter", default=[])
     fine: Optional[Fine] = key("region that takes smaller steps than the rest", default=None)
     damage: Damage = key("where bonds may break", default=Damage())
     load: Annotated[List[Load], Listed] = key("loads and prescribed motions", default=[])

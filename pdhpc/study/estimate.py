@@ -19,6 +19,7 @@ from pdhpc.peridynamics.view import View
 from pdhpc.scene.body import kinds_by_body, make_body, radius_of, select
 from pdhpc.scene.build import build
 from pdhpc.scene.gauges import make_gauges
+from pdhpc.scene.interactions import stiffer_step
 from pdhpc.scene.mesh_rules import unused
 from pdhpc.scene.regions import finite_margin, ratio_for, split_of
 from pdhpc.scene.steps import choose_step
@@ -177,7 +178,7 @@ def _sampled(scene, body, family):
             names = {name for name in names if not select(scene, body, name, points, numbers, ids).any()}
     if names:
         raise scene.error("region", f'"{sorted(names)[0]}", which selects no particle', "a region that holds at least one")
-    return particles, bonds // 2, family, _family_step(scene, body), []
+    return particles, bonds // 2, family, stiffer_step(scene, body, _family_step(scene, body)), []
 
 
 def _region_names(scene):

@@ -1,0 +1,183 @@
+"""Contact between particles that are not bonded: which pairs are near as bodies move, across ranks, and the forces between them."""
+import math
+
+import numpy as np
+
+from pdhpc.kernels import contact as kernels
+from pdhpc.kernels.contact import MetPoints, Pairs
+from pdhpc.kernels.neighbours import find_bonds
+from pdhpc.peridynamics.watch import Watch
+
+_SEAM = 1.0 + 1e-9  # the search radius is this much larger than the largest distance that counts
+
+
+class Contact:
+    """Short-range repulsion, friction and damping between the particles of one rank and whatever comes near them (formulas: kernels/contact.py).
+
+    A list holds the pairs within d_ij + skin of each other, those joined by intact bonds too where bonds can break: a pair takes part from the evaluation in
+    which its bond breaks. It is made anew when something moved half the skin (see Watch). Ranks then tell each other the boxes of their particles, send
+    candidates where these meet, and set up a second ghost exchange for what is near in the current configuration.
+
+    Memory per particle: 100 (2D) or 150 (3D) bytes, 5 for each pair in the list (4 of them about a particle in 2D, 18 in 3D where bonds can break), and twice
+    that and 100 more while a list is made.
+    """
+
+    def __init__(self, subdomain, bond_law, law, reach, vicinity, skin):
+        """bond_law : of materials/. law : ContactLaw. reach : function (volume (n,)) -> (n,) m, half the distance of contact of particles. skin : m."""
+        self.subdomain, self.bond_law, self.law, self.reach, self.vicinity, self.skin = subdomain, bond_law, law, reach, vicinity, skin
+        particles = subdomain.particles
+        self.resists = law.friction > 0.0 or law.damping > 0.0
+        self.breaks = bool(np.isfinite(bond_law.break_at).any())
+        self.inelastic = np.zeros_like(particles.force_density) if self.resists else None
+        self.loss = np.zeros(particles.n_owned)
+        self.watch = Watch(particles, skin, law.dt, vicinity.agree)
+        self.lists_made, self.stable_dt = 0, math.inf
+        self._places = subdomain.places()
+        self._stamp = np.zeros(len(particles.position), np.bool_)
+        self._intact = np.empty(particles.n_owned, np.int32)
+        self._broken, self._bound, self._rows = -1, None, np.empty(0, np.int64)
+        order = np.argsort(particles.id[particles.n_owned :], kind="stable")
+        self._known = particles.id[particles.n_owned :][order], particles.ghost_slots[order]
+
+    @property
+    def ghosts(self):
+        """Particles of other ranks that are near this rank's ones."""
+        return len(self._points.motion) - self.subdomain.particles.n_owned
+
+    def add_to(self, force_density, t, broken):
+        """Add the contact forces at the current positions to force_density, N/m^3. Collective over neighbours; over all ranks when Watch looks.
+
+        broken : directed bonds of this rank that broke so far.
+        """
+        if self.watch.due(measure=self._stiffest):
+            self._make_list()
+        elif broken != self._broken:
+            self._free_pairs()
+        self._broken = broken
+        if self.watch.largest > 0.0:
+            self.stable_dt = min(self.stable_dt, math.sqrt(2.0 / self.watch.largest))
+        particles = self.subdomain.particles
+        kernels.gather(particles.position, particles.velocity, particles.slots, self._met, particles.dim, self._points.motion)
+        if self._bound is not None:
+            self._bound.refresh()
+        kernels.add_contact_forces(self._pairs, self._points, self.law, particles.third, self._rows, force_density, self.inelastic)
+
+    def moved(self, dt):
+        """Account for the work of the forces at the step's start; the velocity is that of the half step. Local."""
+        if self.resists:
+            particles = self.subdomain.particles
+            kernels.lose(self.inelastic, particles.velocity, particles.volume, particles.slots, self._rows, 0.5 * dt, self.loss)
+
+    worked = moved  # the forces at the step's end, with the same velocity
+
+    def ledger(self):
+        """Return {"contact_energy", "contact_loss"}: (n,) J of this rank's particles. Local."""
+        energy = np.zeros(self.subdomain.particles.n_owned)
+        kernels.contact_energies(self._pairs, self._points, self.law, self.subdomain.particles.third, self._rows, energy)
+        return {"contact_energy": energy, "contact_loss": self.loss}
+
+    def external_work(self):
+        """Return no work: contact is between particles."""
+        return []
+
+    def warnings(self):
+        """Return sentences on what the run should know: pairs that may have been missed, a step that contact made too large."""
+        found = []
+        if self.watch.overrun > 1.0:
+            found.append(f"contact: particles moved {self.watch.overrun:.2f} of half the skin, {0.5 * self.skin:.3g} m, before near pairs were listed anew: "
+                         "pairs may have been missed where speeds more than doubled within 10 steps")
+        if self.law.dt > self.stable_dt:
+            found.append(f"contact: pairs pressed together lowered the critical step (a lower bound) to {self.stable_dt:.4g} s, below dt = {self.law.dt:.4g} s; "
+                         "a smaller time.safety or contact.stiffness would keep it above")
+        return found
+
+    def state(self):
+        """Return {key: (getter, setter)}: losses, and what friction and damping did last, which half-step velocities that are gone decided. Pairs are found anew."""
+        state = {"contact/loss": (lambda: self.loss, lambda value: np.copyto(self.loss, value))}
+        if self.resists:
+            particles = self.subdomain.particles
+            state["contact/inelastic"] = (lambda: particles.owned(self.inelastic), lambda value: particles.put(self.inelastic, value))
+        return state
+
+    def _stiffest(self):
+        """Return the largest |A|/rho of bonds and contact together, 1/s^2, of this rank's touching particles at their last positions. Local."""
+        if not len(self._rows):
+            return 0.0
+        domain = self.subdomain
+        third, bonds = domain.particles.third, domain.bonds.arrays
+        return kernels.stiffest(self._pairs, self._points, self.law, third, self._rows, bonds, domain.points, self.bond_law, domain.state)
+
+    def _make_list(self):
+        """Find the near pairs of this rank's particles, and set up the exchange of those of other ranks. Collective."""
+        particles = self.subdomain.particles
+        n, dim = particles.n_owned, particles.dim
+        volume, block = particles.owned(particles.volume), particles.owned(particles.block)
+        place = np.ascontiguousarray(particles.owned(particles.position)[:, :dim])
+        most = float(self.vicinity.agree(np.array([self.reach(volume).max(initial=0.0)]))[0])
+        radius = (2.0 * most + self.skin) * _SEAM
+        rows = np.column_stack([place, self._places, volume, block, particles.id[:n].astype(float)])
+        others, owners = self.vicinity.gather_near(rows, dim, radius)
+        everything = np.concatenate([rows, others])
+        points = self._points_of(everything, dim)
+        ids = everything[:, -1].astype(np.int64)
+        start, other = self._near(points, ids, n, radius)
+        used = np.zeros(len(ids), bool)
+        used[other], used[:n] = True, True
+        number = (np.cumsum(used) - 1).astype(np.int32)
+        kept = MetPoints(*(np.ascontiguousarray(field[used]) for field in points))
+        self._points = kept._replace(motion=np.zeros((len(kept.motion), dim * (2 if self.resists else 1))))
+        self._pairs = Pairs(start, number[other], np.ones(len(other), np.uint8))
+        self._connect(ids[used], owners[used[n:]])
+        self.lists_made += 1
+        self._intact[:] = -1
+        self._has_free = np.diff(start) > 0
+        self._free_pairs()
+
+    def _points_of(self, rows, dim):
+        """Return the MetPoints of rows (position, reference, volume, block, id), owned particles first."""
+        particles = self.subdomain.particles
+        n = particles.n_owned
+        slot = np.full(len(rows), -1, np.int32)
+        slot[:n] = particles.slots
+        ids, slots = self._known
+        if len(ids) and len(rows) > n:
+            wanted = rows[n:, -1].astype(np.int64)
+            at = np.minimum(np.searchsorted(ids, wanted), len(ids) - 1)
+            slot[n:] = np.where(ids[at] == wanted, slots[at], -1)
+        volume = np.ascontiguousarray(rows[:, 2 * dim])
+        return MetPoints(np.ascontiguousarray(rows[:, :dim]), np.ascontiguousarray(rows[:, dim : 2 * dim]), self.reach(volume), volume,
+                         rows[:, 2 * dim + 1].astype(np.uint8), slot)
+
+    def _near(self, points, ids, n, radius):
+        """Return (start, other) of the pairs within d_ij + skin, without those that bonds which never break join. Local."""
+        found, _ = find_bonds(points.motion, ids, n, radius)
+        kept = np.zeros(len(found.neighbour), np.uint8)
+        counts = kernels.count_near(found, points, n, self.subdomain.particles.third, self.skin, kept)
+        start = np.concatenate([[0], np.cumsum(counts)])
+        other = np.empty(int(start[-1]), np.int32)
+        kernels.store_near(found, kept, start, other)
+        if not self.breaks:
+            left = kernels.drop_bonded(self.subdomain.bonds.arrays, points.slot, points.slot, self._stamp, start, other)
+            other = other[:left].copy()
+        return start, other
+
+    def _connect(self, ids, owners):
+        """Set up the exchange of the particles `ids` (n_points,), ghosts behind the owned ones. Collective."""
+        if self._bound is not None:
+            self._bound.free()
+        n = self.subdomain.particles.n_owned
+        exchange = self.vicinity.exchange(ids[:n], ids[n:], owners)
+        self._bound = exchange.bind(self._points.motion) if len(self._points.motion) else None
+        self._sent = np.zeros(len(ids), bool)
+        for _, rows in exchange.targets:
+            self._sent[rows] = True
+
+    def _free_pairs(self):
+        """Let the pairs take part whose bonds broke, and list the particles that then do. Local."""
+        domain = self.subdomain
+        if self.breaks:
+            kernels.free_pairs(domain.bonds.arrays, self._pairs, self._points, self._stamp, self._intact, self._has_free)
+        rows = np.flatnonzero(self._has_free)
+        met = self._sent.copy()
+        kernels.mark_met(self._pairs, rows, met)
+        self._rows, self._met = rows, np.flatnonzero(met[: domain.particles.n_owned])
