@@ -1,0 +1,123 @@
+"""Bodies that meet, break and travel across borders of ranks, against the same run on one rank: every digit."""
+import numpy as np
+import pytest
+
+from pdhpc.scene.read import parse_scene
+from pdhpc.simulation import Simulation
+from pdhpc.study.verify.case import plate
+
+BULLET = """
+[[body]]
+name = "bullet"
+material = "solid"
+shape = "box"
+lower = [{x}, -3.0]
+upper = [{end}, 3.0]
+[[region]]
+name = "bullet"
+shape = "box"
+body = "bullet"
+lower = [-100.0, -100.0]
+upper = [100.0, 100.0]
+[[initial]]
+region = "bullet"
+velocity = [0.6, 0.13]
+[contact]
+{contact}
+"""
+CHASE = BULLET.format(x=-26.0, end=-17.0, contact="friction = 0.2\ndamping = 0.1")
+BALLS = """
+[[impactor]]
+name = "ball"
+shape = "cylinder"
+center = [0.3, 12.0]
+radius = 5.0
+velocity = [0.1, -0.5]
+mass = 30.0
+gravity = [0.0, -0.01]
+friction = 0.3
+[[impactor]]
+name = "wall"
+shape = "plane"
+point = [14.0, 0.0]
+normal = [-1.0, 0.1]
+velocity = [-0.2, 0.0]
+time = { function = "ramp", start = 0.0, end = 20.0 }
+friction = 0.1
+"""
+BREAKS = "critical_stretch = 0.03"
+
+
+def gathered(comm, simulation):
+    """Return {name: array sorted by id} of the whole body, on every rank."""
+    subdomain = simulation.problem.subdomain
+    particles = subdomain.particles
+    parts = {"id": particles.id[: particles.n_owned], "alive": subdomain.bonds.alive()}
+    for name in ("displacement", "velocity", "force_density", "dissipated"):
+        parts[name] = particles.owned(getattr(particles, name))
+    whole = {name: np.concatenate(comm.allgather(values)) for name, values in parts.items()}
+    order = np.argsort(whole["id"])
+    return {name: values[order] for name, values in whole.items()}
+
+
+def contacts(simulation):
+    return simulation.stepper.conditions.interactions
+
+
+def same_as_on_one_rank(comm, scene):
+    """Run a scene on all ranks and on one; return the Simulation of all of them and both records after comparing every digit."""
+    from mpi4py import MPI
+
+    together, alone = Simulation(scene, comm), Simulation(scene, MPI.COMM_SELF)
+    assert together.problem.dt == alone.problem.dt
+    record, reference = together.run(quiet=True), alone.run(quiet=True)
+    expected = gathered(MPI.COMM_SELF, alone)
+    for name, values in gathered(comm, together).items():
+        assert np.array_equal(values, expected[name]), name
+    assert record["energies"] == reference["energies"] and record["broken_bonds"] == reference["broken_bonds"]
+    for one, other in zip(contacts(together), contacts(alone)):
+        if hasattr(one, "impactor"):
+            for name in ("position", "velocity", "force"):
+                assert np.array_equal(getattr(one.impactor, name), getattr(other.impactor, name)) or name == "force" and not one.impactor.free
+    return together, record
+
+
+@pytest.mark.mpi(min_size=2)
+@pytest.mark.parametrize("model", ["", 'model = "lps"\npoissons_ratio = 0.2'], ids=["pmb", "lps"])
+@pytest.mark.parametrize("path, shift", [("lattice", 0.0), ("cloud", 0.0), ("cloud", 0.25)])
+def test_a_bullet_that_breaks_a_plate(comm, path, shift, model):
+    extra = BULLET.format(x=-26.0 + shift, end=-17.0 + shift, contact="friction = 0.2\ndamping = 0.1")
+    scene = parse_scene(plate((24, 20), 3.0, kinematics="finite", material=f"{BREAKS}\n{model}", extra=extra), "t", [f"particles.path={path}", "time.end=50.0"])
+    together, record = same_as_on_one_rank(comm, scene)
+    assert record["broken_bonds"] > 500
+    assert record["energies"]["contact_energy"] > 0 and record["energies"]["contact_loss"] > 0
+    assert comm.allreduce(contacts(together)[0].ghosts) > 0
+
+
+@pytest.mark.mpi(min_size=2)
+@pytest.mark.parametrize("contact", ["", "[contact]\n"], ids=["impactors", "both"])
+def test_impactors_free_and_prescribed(comm, contact):
+    scene = parse_scene(plate((24, 12), 3.0, kinematics="finite", material=BREAKS, extra=BALLS + contact), "t", ["time.end=40.0"])
+    together, record = same_as_on_one_rank(comm, scene)
+    assert record["broken_bonds"] > 50 and record["energies"]["impactor_energy"] > 0
+
+
+@pytest.mark.mpi(min_size=2)
+def test_a_body_that_leaves_its_ranks_behind(comm):
+    """A small body flies past a long one that it grazes from end to end: its few ranks meet all others, one after the other."""
+    extra = BULLET.format(x=-48.0, end=-40.0, contact="friction = 0.1").replace("-3.0]", "6.4]").replace(" 3.0]", " 10.4]").replace("[0.6, 0.13]", "[0.9, -0.015]")
+    scene = parse_scene(plate((70, 10), 2.0, kinematics="finite", extra=extra), "t", ["time.end=100.0"])
+    together, record = same_as_on_one_rank(comm, scene)
+    assert contacts(together)[0].lists_made > 50
+    assert record["energies"]["contact_loss"] > 0
+
+
+@pytest.mark.mpi(min_size=2)
+def test_three_dimensions(comm):
+    body = '[[body]]\nname = "b"\nmaterial = "solid"\nshape = "sphere"\ncenter = [0.3, 0.2, 9.0]\nradius = 3.6\n'
+    more = '[[region]]\nname = "b"\nbody = "b"\nshape = "box"\nlower = [-9.0, -9.0, 4.5]\nupper = [9.0, 9.0, 19.0]\n[[initial]]\nregion = "b"\nvelocity = [0.1, 0.0, -0.5]\n'
+    more += '[contact]\nfriction = 0.2\n[[impactor]]\nname = "rod"\nshape = "cylinder"\ncenter = [0.0, 0.0, -8.0]\naxis = [0.1, 0.0, 1.0]\n'
+    more += "length = 4.0\nradius = 2.5\nvelocity = [0.0, 0.0, 0.4]\nmass = 100.0\nfriction = 0.1\n"
+    text = plate((10, 10, 6), 2.0, kinematics="finite", material=BREAKS, dimension="3d", extra=body + more)
+    _, record = same_as_on_one_rank(comm, parse_scene(text, "t", ["time.end=14.0"]))
+    assert record["broken_bonds"] > 50 and record["energies"]["contact_loss"] > 0
