@@ -215,16 +215,20 @@ def _compile_first_on_each_node(comm, scene):
 def _compile(scene, comm):
     """Compile the kernels that a scene uses; comm : of this process alone. Local."""
     from pdhpc.scene.mesh_warm_up import compile_coupled, compile_mesh
-    from pdhpc.warm_up import compile_coupling, compile_fragments, compile_kernels, compile_points, variant_of
+    from pdhpc.warm_up import compile_coupling, compile_fragments, compile_interactions, compile_kernels, compile_points, variant_of
 
     if scene.uses_mesh:
         (compile_mesh if scene.model == "fem" else compile_coupled)(scene, comm)
     if scene.model != "fem":
         path, model, linear = path_of(scene), scene.material[0].model, scene.particles.kinematics == "linear"
-        compile_kernels((scene.dim,), (path,), (model,), (linear,), variant_of(law_of(scene), scene.particles.surface_correction))
+        variant = variant_of(law_of(scene), scene.particles.surface_correction)
+        compile_kernels((scene.dim,), (path,), (model,), (linear,), variant)
         if scene.method != "single":
             compile_coupling(scene.dim, path, model, linear)
         if scene.fragments is not None:
             compile_fragments(scene.dim, path)
         if scene.brings_points:
             compile_points(scene.dim, comm)
+        if scene.contact is not None or scene.impactor:
+            contact = scene.contact
+            compile_interactions(scene.dim, path, model, comm, contact is not None and (contact.friction > 0 or contact.damping > 0), variant)

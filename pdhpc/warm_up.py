@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pdhpc.conditions.impactors import PLANE, Impactor
 from pdhpc.conditions.loads import BodyForce, PrescribedMotion
 from pdhpc.conditions.time_functions import Constant
 from pdhpc.fem.cell_points import compile_cells
@@ -12,6 +13,7 @@ from pdhpc.geometry.lattice import LatticeBody, find_common_lattice
 from pdhpc.geometry.shapes import Box
 from pdhpc.kernels import motion, shared
 from pdhpc.kernels.bond_states import count_face, foremost_damaged
+from pdhpc.kernels.contact import ContactLaw
 from pdhpc.kernels.fragments import join_intact, lower_labels
 from pdhpc.kernels.neighbours import count_neighbours
 from pdhpc.kernels.overlap import words_of
@@ -24,12 +26,16 @@ from pdhpc.mts.interface import CommonBonds, Copies, Interface
 from pdhpc.mts.interface_operator import Exact, Polynomial
 from pdhpc.mts.strip import LinearForces, Strip
 from pdhpc.parallel.comm import compile_exact_sum
+from pdhpc.parallel.exact import ExactSums
 from pdhpc.parallel.ghosts import compile_messages
 from pdhpc.parallel.partition import Partition
+from pdhpc.parallel.vicinity import Vicinity
 from pdhpc.peridynamics.bonds import cut_by_cracks
+from pdhpc.peridynamics.contact import Contact
 from pdhpc.peridynamics.critical_step import stable_step
 from pdhpc.peridynamics.crowding import find_crowded
 from pdhpc.peridynamics.fields import field, strain_energy_density
+from pdhpc.peridynamics.impact import Impact
 from pdhpc.peridynamics.internal_forces import InternalForces
 from pdhpc.peridynamics.lattice_subdomain import make_lattice_subdomain, sample_lattice
 from pdhpc.peridynamics.subdomain import make_subdomain, mark_mixed
@@ -156,6 +162,25 @@ def compile_points(dim, comm):
     points, volume = subdomain.places(), np.full(subdomain.particles.n_owned, 1e-3**dim)
     find_crowded(subdomain, np.full(len(volume), 1e-3), np.zeros(len(volume), np.int64), np.full((1, 1), 1e-8))
     area_over_volume(comm, points, volume, 1.0, 0)
+
+
+def compile_interactions(dim, path, model, comm, resists, variant=Variant()):
+    """Call every kernel of contact (resists: with friction or damping) and of impactors once; comm : of this process alone. Local."""
+    subdomain, law = block(dim, 4, 2.0, False, path, model, variant)
+    particles = subdomain.particles
+    particles.place()
+    friction, force_density = 0.1 if resists else 0.0, particles.force_density
+    contact_law = ContactLaw(np.ones((1, 1)), np.array(law.density, float), friction, 0.0, 1.0)
+    contact = Contact(subdomain, law, contact_law, lambda volume: np.full(len(volume), 0.6e-3), Vicinity(comm), 0.3e-3)
+    floor = Impactor("floor", (PLANE, np.eye(3)[0], 0.0, np.inf), np.zeros(dim), np.zeros(dim), Constant(), 1.0)
+    ones = np.ones(particles.n_owned)
+    impact = Impact(subdomain, floor, (1e-3 * ones, ones, ones), friction, 1.0, ExactSums(comm, dim + 1))
+    for each in (contact, impact):
+        each.add_to(force_density, 0.0, 0)
+        each.moved(0.0)
+        each.ledger()
+    contact.measure_stiffness()
+    compile_messages(np.zeros((1, dim)), np.zeros((1, 2 * dim)))
 
 
 class NoExchange:

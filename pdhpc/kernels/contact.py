@@ -97,10 +97,10 @@ def gather(position, velocity, slots, numbers, dim, motion):
 
 
 @kernel
-def add_contact_forces(pairs, points, law, third, rows, force_density, inelastic):
+def add_contact_forces(pairs, points, law, third, rows, force_density, inelastic, given):
     """Add the contact force densities of the owned particles in `rows` (n,) to force_density (n_slots, dim), N/m^3.
 
-    inelastic : None, or (n_slots, dim), N/m^3: overwritten by the part that friction and damping have in them.
+    inelastic : None, or (n_slots, dim), N: overwritten by the part that friction and damping have in them, or taken as that where `given`.
     """
     for t in range(len(rows)):
         i = rows[t]
@@ -115,7 +115,7 @@ def add_contact_forces(pairs, points, law, third, rows, force_density, inelastic
             k, m = _spring(points, law, i, j)
             nx, ny, nz = dx / r, dy / r, dz / r
             elastic = k * overlap
-            if inelastic is not None:
+            if inelastic is not None and not given:
                 hx, hy, hz = _resistance(points, law, i, j, third, k, m, elastic, nx, ny, nz)
                 gx += hx
                 gy += hy
@@ -124,14 +124,16 @@ def add_contact_forces(pairs, points, law, third, rows, force_density, inelastic
             fy -= elastic * ny
             fz -= elastic * nz
         s, volume = points.slot[i], points.volume[i]
+        if inelastic is not None and given:
+            gx, gy, gz = inelastic[s, 0], inelastic[s, 1], 0.0 if third is None else inelastic[s, 2]
         force_density[s, 0] += (fx + gx) / volume
         force_density[s, 1] += (fy + gy) / volume
         if third is not None:
             force_density[s, 2] += (fz + gz) / volume
         if inelastic is not None:
-            inelastic[s, 0], inelastic[s, 1] = gx / volume, gy / volume
+            inelastic[s, 0], inelastic[s, 1] = gx, gy
             if third is not None:
-                inelastic[s, 2] = gz / volume
+                inelastic[s, 2] = gz
 
 
 @inlined
@@ -163,64 +165,65 @@ def contact_energies(pairs, points, law, third, rows, energy):
 
 
 @kernel
-def lose(inelastic, velocity, volume, slots, numbers, half_dt, loss):
-    """Subtract the work of `inelastic` (n_slots, dim), N/m^3, over half a step from loss (n_owned,), J, of the owned particles `numbers`."""
+def lose(inelastic, velocity, slots, numbers, half_dt, loss):
+    """Subtract the work of `inelastic` (n_slots, dim), N, over half a step from loss (n_owned,), J, of the owned particles `numbers`."""
     for t in range(len(numbers)):
         i, s = numbers[t], slots[numbers[t]]
         power = 0.0
         for d in range(velocity.shape[1]):
             power += inelastic[s, d] * velocity[s, d]
-        loss[i] -= half_dt * volume[s] * power
+        loss[i] -= half_dt * power
 
 
 @kernel
-def count_near(found, points, n_owned, third, skin, kept):
-    """Mark in kept (n,) uint8 the entries of BondArrays `found` that lie within d_ij + skin of each other; store their numbers by owned particle in the result."""
-    counts = np.zeros(n_owned, np.int64)
-    for i in range(n_owned):
-        for k in range(found.row_start[i], found.row_start[i + 1]):
-            if (found.alive[k >> 3] >> (k & 7)) & 1 == 0:
-                continue
-            j = found.neighbour[k]
-            r2 = 0.0
-            for d in range(2 if third is None else 3):
-                r2 += (points.motion[j, d] - points.motion[i, d]) ** 2
-            limit = min(points.reach[i] + points.reach[j], _CLOSEST * _reference_distance(points, i, j, third)) + skin
-            if r2 < limit * limit:
-                kept[k] = 1
-                counts[i] += 1
-    return counts
+def list_near(cells, points, ids, third, skin, radius, bonds, drop, stamp, start, other):
+    """List the particles within d_ij + skin of each owned one, in ascending id; return how many. What does not fit in `other` is counted only.
 
-
-@kernel
-def store_near(found, kept, start, other):
-    """Copy the entries that count_near kept to other (n,), rows from start (n_owned + 1,)."""
-    for i in range(len(start) - 1):
-        e = start[i]
-        for k in range(found.row_start[i], found.row_start[i + 1]):
-            if kept[k] != 0:
-                other[e] = found.neighbour[k]
-                e += 1
-
-
-@kernel
-def drop_bonded(bonds, slots, slot_of, stamp, start, other):
-    """Close the gaps that pairs joined by an intact bond leave in a list of near pairs; for bodies whose bonds never break. Return the entries left.
-
-    stamp (n_slots,) bool, scratch, False throughout before and after.
+    cells : neighbours.Cells of all points. radius : m, at least the largest d_ij + skin. drop : whether to leave out pairs that an intact bond joins.
+    stamp (n_slots,) bool, scratch, False throughout before and after. start (n_owned + 1,) int64, other (capacity,) int32: of Pairs.
     """
+    position, per_length = cells.position, cells.per_length
+    nx, ny, nz = cells.counts[0], cells.counts[1], cells.counts[2]
     end = np.int64(0)
     for i in range(len(start) - 1):
-        first, start[i] = start[i], end
-        _stamp_bonded(bonds, slots[i], True, stamp)
-        for e in range(first, start[i + 1]):
-            s = slot_of[other[e]]
-            if s < 0 or not stamp[s]:
-                other[end] = other[e]
-                end += 1
-        _stamp_bonded(bonds, slots[i], False, stamp)
+        start[i] = end
+        x, y = points.motion[i, 0], points.motion[i, 1]
+        z = 0.0 if third is None else points.motion[i, 2]
+        cx, cy, cz = x - cells.lower[0], y - cells.lower[1], z - cells.lower[2]
+        if drop:
+            _stamp_bonded(bonds, points.slot[i], True, stamp)
+        for a in range(max(0, np.int64((cx - radius) * per_length)), min(nx - 1, np.int64((cx + radius) * per_length)) + 1):
+            for b in range(max(0, np.int64((cy - radius) * per_length)), min(ny - 1, np.int64((cy + radius) * per_length)) + 1):
+                column = (a * ny + b) * nz
+                first = cells.start[column + max(0, np.int64((cz - radius) * per_length))]
+                stop = cells.start[column + min(nz - 1, np.int64((cz + radius) * per_length)) + 1]
+                for s in range(first, stop):
+                    dx, dy, dz = position[s, 0] - x, position[s, 1] - y, position[s, 2] - z
+                    r2 = dx * dx + dy * dy + dz * dz
+                    if r2 >= radius * radius:
+                        continue
+                    j = cells.order[s]
+                    if j == i or (drop and points.slot[j] >= 0 and stamp[points.slot[j]]):
+                        continue
+                    limit = min(points.reach[i] + points.reach[j], _CLOSEST * _reference_distance(points, i, j, third)) + skin
+                    if r2 < limit * limit:
+                        if end < len(other):
+                            _insert(ids, j, start[i], end, other)
+                        end += 1
+        if drop:
+            _stamp_bonded(bonds, points.slot[i], False, stamp)
     start[len(start) - 1] = end
     return end
+
+
+@inlined
+def _insert(ids, j, first, end, other):
+    """Put j into its place by id among other[first:end]."""
+    e = end
+    while e > first and ids[other[e - 1]] > ids[j]:
+        other[e] = other[e - 1]
+        e -= 1
+    other[e] = j
 
 
 @inlined

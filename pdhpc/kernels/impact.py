@@ -73,8 +73,11 @@ def find_near(rigid, position, dim, slots, radius, reach, near):
 
 
 @kernel
-def push(rigid, struck, position, velocity, force_density, applied, inelastic):
-    """Add the impactor's force densities to force_density (n_slots, dim), N/m^3; store the forces, and friction's part, in applied and inelastic (n, dim), N."""
+def push(rigid, struck, position, velocity, force_density, applied, inelastic, given):
+    """Add the impactor's force densities to force_density (n_slots, dim), N/m^3; store the forces, and friction's part, in applied and inelastic (n, dim), N.
+
+    given : whether friction's part is to be taken as it stands there.
+    """
     dim = force_density.shape[1]
     for t in range(len(struck.slot)):
         s = struck.slot[t]
@@ -91,11 +94,13 @@ def push(rigid, struck, position, velocity, force_density, applied, inelastic):
         tx, ty, tz = wx - along * nx, wy - along * ny, wz - along * nz
         slip = np.sqrt(tx * tx + ty * ty + tz * tz)
         drag = 0.0 if slip == 0.0 else min(rigid.friction * normal, struck.mass[t] * slip / (4.0 * rigid.dt)) / slip
-        inelastic[t, 0], inelastic[t, 1] = -drag * tx, -drag * ty
-        applied[t, 0], applied[t, 1] = normal * nx - drag * tx, normal * ny - drag * ty
+        if not given:
+            inelastic[t, 0], inelastic[t, 1] = -drag * tx, -drag * ty
+        applied[t, 0], applied[t, 1] = normal * nx + inelastic[t, 0], normal * ny + inelastic[t, 1]
         if dim == 3:
-            inelastic[t, 2] = -drag * tz
-            applied[t, 2] = normal * nz - drag * tz
+            if not given:
+                inelastic[t, 2] = -drag * tz
+            applied[t, 2] = normal * nz + inelastic[t, 2]
         for d in range(dim):
             force_density[s, d] += applied[t, d] / struck.volume[t]
 

@@ -37,7 +37,9 @@ class CorrectedArrays(NamedTuple):
     factor: np.ndarray
 
 
-class _Cells(NamedTuple):
+class Cells(NamedTuple):
+    """Points sorted into cells; see cell_list."""
+
     lower: np.ndarray  # (3,) m
     per_length: float  # cells per metre
     counts: np.ndarray  # (3,)
@@ -46,18 +48,18 @@ class _Cells(NamedTuple):
     position: np.ndarray  # (n, 3) sorted positions, m
 
 
-def _cell_list(points, radius):
-    """Sort points (n, dim) into cells of radius/3 (larger where the body is sparse)."""
+def cell_list(points, radius, per_radius=_CELLS_PER_RADIUS):
+    """Return the Cells of points (n, dim), of side radius/per_radius (larger where the body is sparse). Local."""
     padded = np.zeros((len(points), 3))
     padded[:, : points.shape[1]] = points
     lower = padded.min(axis=0) if len(points) else np.zeros(3)
     extent = (padded.max(axis=0) if len(points) else np.zeros(3)) - lower
-    per_length, counts = _CELLS_PER_RADIUS / (radius * (1 + 1e-6)), None
+    per_length, counts = per_radius / (radius * (1 + 1e-6)), None
     while counts is None or np.prod(counts, dtype=float) > 4.0 * len(points) + 1000:
         per_length = per_length if counts is None else per_length / 2
         counts = np.floor(extent * per_length).astype(np.int64) + 1
     start, order = _sort_into_cells(padded, lower, per_length, counts)
-    return _Cells(lower, per_length, counts, start, order, padded[order])
+    return Cells(lower, per_length, counts, start, order, padded[order])
 
 
 @kernel
@@ -153,7 +155,7 @@ def count_neighbours(points, n_rows, radius, group=None):
     largest, group, reach2 = _radii(radius, group)
     counts = np.empty(n_rows, np.int32)
     nothing = np.empty(0, np.int64)
-    _search(points, n_rows, _cell_list(points, largest), largest**2, group, reach2, nothing, nothing, np.empty(0, np.int32), np.empty(0), counts)
+    _search(points, n_rows, cell_list(points, largest), largest**2, group, reach2, nothing, nothing, np.empty(0, np.int32), np.empty(0), counts)
     return counts
 
 
@@ -171,7 +173,7 @@ def find_bonds(points, ids, n_rows, radius, group=None):
     slots = int(row_start[-1])
     bonds = BondArrays(row_start, np.empty(slots, np.int32), np.empty(slots), np.zeros(slots // LANES, np.uint8))
     if slots:
-        _search(points, n_rows, _cell_list(points, largest), largest**2, group, reach2, ids, row_start, bonds.neighbour, bonds.inv_length, counts)
+        _search(points, n_rows, cell_list(points, largest), largest**2, group, reach2, ids, row_start, bonds.neighbour, bonds.inv_length, counts)
         _finish_rows(row_start, counts, bonds.neighbour, bonds.inv_length, bonds.alive)
     return bonds, counts
 

@@ -13,5 +13,5 @@ class ImpactorGauge:
     def read(self, stepper):
         """Return the values of the columns; the force is minus the exact sum of those on particles. Collective."""
         impact = next(each for each in stepper.conditions.interactions if getattr(each, "impactor", None) is not None and each.impactor.name == self.name)
-        force = [-exact_sum(self.comm, impact.forces()[:, axis]) for axis in range(self.dim)]
+        force = [0.0 - exact_sum(self.comm, impact.forces()[:, axis]) for axis in range(self.dim)]
         return [*impact.impactor.position.tolist(), *impact.impactor.velocity.tolist(), *force]

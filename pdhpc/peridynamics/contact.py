@@ -5,7 +5,7 @@ import numpy as np
 
 from pdhpc.kernels import contact as kernels
 from pdhpc.kernels.contact import MetPoints, Pairs
-from pdhpc.kernels.neighbours import find_bonds
+from pdhpc.kernels.neighbours import cell_list
 from pdhpc.peridynamics.watch import Watch
 
 _SEAM = 1.0 + 1e-9  # the search radius is this much larger than the largest distance that counts
@@ -34,8 +34,9 @@ class Contact:
         self.lists_made, self.stable_dt = 0, math.inf
         self._places = subdomain.places()
         self._stamp = np.zeros(len(particles.position), np.bool_)
+        self._pairs = Pairs(np.zeros(1, np.int64), np.empty(0, np.int32), np.empty(0, np.uint8))
         self._intact = np.empty(particles.n_owned, np.int32)
-        self._broken, self._bound, self._rows = -1, None, np.empty(0, np.int64)
+        self._broken, self._bound, self._rows, self._given = -1, None, np.empty(0, np.int64), False
         order = np.argsort(particles.id[particles.n_owned :], kind="stable")
         self._known = particles.id[particles.n_owned :][order], particles.ghost_slots[order]
 
@@ -49,7 +50,7 @@ class Contact:
 
         broken : directed bonds of this rank that broke so far.
         """
-        if self.watch.due(measure=self._stiffest):
+        if self.watch.due(measure=self.measure_stiffness):
             self._make_list()
         elif broken != self._broken:
             self._free_pairs()
@@ -60,15 +61,24 @@ class Contact:
         kernels.gather(particles.position, particles.velocity, particles.slots, self._met, particles.dim, self._points.motion)
         if self._bound is not None:
             self._bound.refresh()
-        kernels.add_contact_forces(self._pairs, self._points, self.law, particles.third, self._rows, force_density, self.inelastic)
+        kernels.add_contact_forces(self._pairs, self._points, self.law, particles.third, self._rows, force_density, self.inelastic, self._given)
+        self._given = False
 
     def moved(self, dt):
         """Account for the work of the forces at the step's start; the velocity is that of the half step. Local."""
         if self.resists:
             particles = self.subdomain.particles
-            kernels.lose(self.inelastic, particles.velocity, particles.volume, particles.slots, self._rows, 0.5 * dt, self.loss)
+            kernels.lose(self.inelastic, particles.velocity, particles.slots, self._rows, 0.5 * dt, self.loss)
 
     worked = moved  # the forces at the step's end, with the same velocity
+
+    def measure_stiffness(self):
+        """Return the largest |A|/rho of bonds and contact together, 1/s^2, of this rank's touching particles at their last positions. Local."""
+        if not self.lists_made:
+            return 0.0
+        domain = self.subdomain
+        third, bonds = domain.particles.third, domain.bonds.arrays
+        return kernels.stiffest(self._pairs, self._points, self.law, third, self._rows, bonds, domain.points, self.bond_law, domain.state)
 
     def ledger(self):
         """Return {"contact_energy", "contact_loss"}: (n,) J of this rank's particles. Local."""
@@ -79,6 +89,11 @@ class Contact:
     def external_work(self):
         """Return no work: contact is between particles."""
         return []
+
+    @property
+    def bytes_sent(self):
+        """Bytes that this rank sends at an evaluation."""
+        return 0 if self._bound is None else self._bound.bytes_sent
 
     def warnings(self):
         """Return sentences on what the run should know: pairs that may have been missed, a step that contact made too large."""
@@ -92,20 +107,22 @@ class Contact:
         return found
 
     def state(self):
-        """Return {key: (getter, setter)}: losses, and what friction and damping did last, which half-step velocities that are gone decided. Pairs are found anew."""
-        state = {"contact/loss": (lambda: self.loss, lambda value: np.copyto(self.loss, value))}
+        """Return {key: (getter, setter)}: losses, and the last forces of friction and damping, N, which velocities of a half step that is gone decided.
+
+        Once they are set, pairs are found anew, and the next forces take friction and damping as given.
+        """
+        state = {"contact/loss": (lambda: self.loss, self._resume_loss)}
         if self.resists:
-            particles = self.subdomain.particles
-            state["contact/inelastic"] = (lambda: particles.owned(self.inelastic), lambda value: particles.put(self.inelastic, value))
+            state["contact/inelastic"] = (lambda: self.subdomain.particles.owned(self.inelastic), self._resume_inelastic)
         return state
 
-    def _stiffest(self):
-        """Return the largest |A|/rho of bonds and contact together, 1/s^2, of this rank's touching particles at their last positions. Local."""
-        if not len(self._rows):
-            return 0.0
-        domain = self.subdomain
-        third, bonds = domain.particles.third, domain.bonds.arrays
-        return kernels.stiffest(self._pairs, self._points, self.law, third, self._rows, bonds, domain.points, self.bond_law, domain.state)
+    def _resume_loss(self, value):
+        np.copyto(self.loss, value)
+        self.watch.restart()
+
+    def _resume_inelastic(self, value):
+        self.subdomain.particles.put(self.inelastic, value)
+        self._given = True
 
     def _make_list(self):
         """Find the near pairs of this rank's particles, and set up the exchange of those of other ranks. Collective."""
@@ -150,16 +167,13 @@ class Contact:
 
     def _near(self, points, ids, n, radius):
         """Return (start, other) of the pairs within d_ij + skin, without those that bonds which never break join. Local."""
-        found, _ = find_bonds(points.motion, ids, n, radius)
-        kept = np.zeros(len(found.neighbour), np.uint8)
-        counts = kernels.count_near(found, points, n, self.subdomain.particles.third, self.skin, kept)
-        start = np.concatenate([[0], np.cumsum(counts)])
-        other = np.empty(int(start[-1]), np.int32)
-        kernels.store_near(found, kept, start, other)
-        if not self.breaks:
-            left = kernels.drop_bonded(self.subdomain.bonds.arrays, points.slot, points.slot, self._stamp, start, other)
-            other = other[:left].copy()
-        return start, other
+        cells, bonds, third = cell_list(points.motion, radius, 1), self.subdomain.bonds.arrays, self.subdomain.particles.third
+        start, end = np.zeros(n + 1, np.int64), len(self._pairs.other) + 1024
+        while True:
+            other = np.empty(end + end // 8, np.int32)
+            end = kernels.list_near(cells, points, ids, third, self.skin, radius, bonds, not self.breaks, self._stamp, start, other)
+            if end <= len(other):
+                return start, other[:end].copy()
 
     def _connect(self, ids, owners):
         """Set up the exchange of the particles `ids` (n_points,), ghosts behind the owned ones. Collective."""

@@ -31,6 +31,7 @@ class Impact:
         self._skin = float(self._radius.max(initial=0.0))
         self.watch = Watch(particles, max(self._skin, 1e-300), dt, _itself)
         self._near, self._listed_at, self.lightest = np.zeros(particles.n_owned, np.bool_), impactor.position.copy(), np.inf
+        self._given = None
         self._list()
 
     def add_to(self, force_density, t, broken):
@@ -38,8 +39,11 @@ class Impact:
         particles, impactor = self.subdomain.particles, self.impactor
         if self.watch.due(float(np.linalg.norm(impactor.position - self._listed_at)), float(np.linalg.norm(impactor.velocity))):
             self._list()
+        if self._given is not None:
+            self._inelastic[:] = self._given[self._number]
         rigid = self._rigid()
-        kernels.push(rigid, self._struck, particles.position, particles.velocity, force_density, self.applied, self._inelastic)
+        kernels.push(rigid, self._struck, particles.position, particles.velocity, force_density, self.applied, self._inelastic, self._given is not None)
+        self._given = None
         if self.sums is not None:
             self.sums.clear()
             kernels.add_reaction(self._struck, self.applied, self.sums.places)
@@ -83,22 +87,30 @@ class Impact:
         return found
 
     def state(self):
-        """Return {key: (getter, setter)}: the impactor, the accounts, and the last forces, in which velocities of the half step had a part."""
-        accounts = {key: getattr(self, key) for key in ("loss", "work")}
-        state = {f"impactor/{self.impactor.name}/{key}": (lambda a=a: a, lambda value, a=a: np.copyto(a, value)) for key, a in accounts.items()}
-        for key in ("applied", "_inelastic"):
-            state[f"impactor/{self.impactor.name}/{key.strip('_')}"] = (lambda key=key: self._spread(key), lambda value, key=key: self._collect(key, value))
+        """Return {key: (getter, setter)}: the impactor, the accounts, and the last forces of friction, N, which velocities of a half step that is gone decided.
+
+        Once they are set, near particles are found anew, and the next forces take friction as given.
+        """
+        accounts, name = {key: getattr(self, key) for key in ("loss", "work")}, self.impactor.name
+        state = {f"impactor/{name}/{key}": (lambda a=a: a, lambda value, a=a: np.copyto(a, value)) for key, a in accounts.items()}
+        state[f"impactor/{name}/inelastic"] = (self._friction, self._resume)
         state.update(self.impactor.state())
         return state
 
-    def _spread(self, key):
-        """Return (n_owned, dim), N, of forces on near particles."""
+    def _friction(self):
+        """Return (n_owned, dim), N."""
         result = np.zeros((self.subdomain.particles.n_owned, self.subdomain.particles.dim))
-        result[self._number] = getattr(self, key)
+        result[self._number] = self._inelastic
         return result
 
-    def _collect(self, key, value):
-        getattr(self, key)[:] = value[self._number]
+    def _resume(self, value):
+        self._given = np.array(value)
+        self.watch.restart()
+
+    @property
+    def bytes_sent(self):
+        """Bytes that this rank contributes to the sum over all ranks at an evaluation."""
+        return 0 if self.sums is None else self.sums.places.nbytes
 
     def _once(self, value):
         """Return a number that only one rank counts."""

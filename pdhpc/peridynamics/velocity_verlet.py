@@ -62,8 +62,8 @@ class VelocityVerlet:
 
     @property
     def bytes_sent(self):
-        """Bytes that this rank sends per step to refresh ghosts."""
-        return self.internal.bytes_sent
+        """Bytes that this rank sends per step, to refresh ghosts and for interactions."""
+        return self.internal.bytes_sent + sum(each.bytes_sent for each in self.conditions.interactions)
 
     def advance(self):
         """Do one step. Collective over neighbouring ranks."""

@@ -55,6 +55,10 @@ class Watch:
             self._left = int(min(_MOST, max(1.0, (self.half - moved) / step)))
         return anew
 
+    def restart(self):
+        """Let the list be made anew at the next call of `due`. Local; on all ranks or none."""
+        self._before, self._left = None, 0
+
     def _motion(self):
         """Return (largest displacement since the list was made, m, largest speed, m/s) of this rank's particles."""
         particles = self.particles

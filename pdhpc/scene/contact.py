@@ -2,7 +2,7 @@
 from typing import Literal, Optional
 
 from pdhpc.scene.fields import AutoOrPositive, Name, NotNegative, Positive, Rule, Table, Vector, check_direction, check_vector, key
-from pdhpc.scene.loads import ConstantTime, Time
+from pdhpc.scene.loads import Time
 from pdhpc.scene.shapes import one_of, only_in
 
 
@@ -25,7 +25,7 @@ class Contact(Table):
 class _Impactor(Table):
     name: Name = key("name of the impactor: of its columns in history.csv")
     velocity: Optional[Vector] = key("velocity (default 0): times the time function, or with a mass the initial one", "m/s", default=None)
-    time: Time = key("time function f(t) that scales a prescribed velocity (default: constant)", default=ConstantTime())
+    time: Optional[Time] = key("time function f(t) that scales a prescribed velocity (default: constant)", default=None)
     mass: Optional[Positive] = key("mass of an impactor that moves freely, without rotating (2D: over the thickness); none: the velocity is prescribed", "kg",
                                    "M v' = R + M g, R minus the sum of its forces on particles", default=None)
     gravity: Optional[Vector] = key("acceleration of gravity on a free impactor (default 0)", "m/s^2", default=None)
@@ -43,10 +43,11 @@ class _Impactor(Table):
         """Raise a Rule for a vector of the wrong size, or for keys that only a free or only a prescribed impactor has."""
         for word in ("velocity", "gravity"):
             check_vector(word, getattr(self, word), dim)
-        self.time.check()
+        if self.time is not None:
+            self.time.check()
         if self.mass is None and self.gravity is not None:
             raise Rule("gravity", self.gravity, "no such key without a mass: the velocity is prescribed")
-        if self.mass is not None and "time" in self.model_fields_set:
+        if self.mass is not None and self.time is not None:
             raise Rule("time", "a table", "no such key with a mass: only a prescribed velocity follows a time function")
 
 

@@ -11,6 +11,7 @@ from pdhpc.parallel.vicinity import Vicinity
 from pdhpc.peridynamics.contact import Contact
 from pdhpc.peridynamics.impact import Impact
 from pdhpc.scene.conditions import time_function
+from pdhpc.scene.loads import ConstantTime
 
 _STIFFER = 15.0  # times the bonds' micromodulus: the repulsion of Parks et al. 2008
 _WIDTHS = 1.35  # times the sum of two particles' radii: the distance of contact there
@@ -116,4 +117,4 @@ def make_impactor(scene, table):
     half_length = 0.5 * table.length if kind == CYLINDER and table.length is not None else math.inf
     shape = kind, axis, getattr(table, "radius", 0.0), half_length
     velocity = np.zeros(scene.dim) if table.velocity is None else table.velocity
-    return Impactor(table.name, shape, table.place, velocity, time_function(table.time), math.inf if table.mass is None else table.mass, table.gravity)
+    return Impactor(table.name, shape, table.place, velocity, time_function(table.time or ConstantTime()), math.inf if table.mass is None else table.mass, table.gravity)

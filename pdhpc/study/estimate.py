@@ -19,7 +19,7 @@ from pdhpc.peridynamics.view import View
 from pdhpc.scene.body import kinds_by_body, make_body, radius_of, select
 from pdhpc.scene.build import build
 from pdhpc.scene.gauges import make_gauges
-from pdhpc.scene.interactions import stiffer_step
+from pdhpc.scene.interactions import contact_distance, contact_modulus, penalty, stiffer_step
 from pdhpc.scene.mesh_rules import unused
 from pdhpc.scene.regions import finite_margin, ratio_for, split_of
 from pdhpc.scene.steps import choose_step
@@ -31,6 +31,9 @@ _BYTES_PER_CELL = {2: 73, 3: 105}  # of a lattice, and 8 for each word of bond s
 _STATE_BYTES = {"pmb": 0, "lps": 16}
 _FACTOR_BYTES = 8  # of a bond slot: its surface correction
 _RAISED_BYTES = 8  # of a particle whose critical stretch rises with compression
+_NEAR_PAIRS = {2: 4, 3: 18}  # of a lattice within the distance of contact and its skin
+_CONTACT_SECONDS = 8e-8  # a particle's share of a list of near pairs, made anew every 20 steps
+_MICROMODULUS = {"3d": "18 K/(pi horizon^4)", "plane_stress": "9 E/(pi thickness horizon^3)", "plane_strain": "48 E/(5 pi thickness horizon^3)"}
 _SMALL = 1.2e7  # directed bonds up to which the body is built
 _SLAB_POINTS = 1 << 20
 _BYTES_PER_FILE_CELL = 430  # of a mesh file while rank 0 deals it out
@@ -70,6 +73,7 @@ class Estimate(NamedTuple):
     step_ratio: int
     overlap: int  # particles that both regions hold
     undivided_dt: float  # critical step of the body as one
+    contact: List[Tuple[str, str]]  # what "auto" is for contact and impactors; none without
 
 
 def estimate(scene, ranks=None):
@@ -98,10 +102,12 @@ def estimate(scene, ranks=None):
     memory = particles / ranks * _bytes_per_particle(scene, body, neighbours, ratio, particles / ranks) + _bytes_of_files(scene, body, ranks)
     work = sum(steps * region.bonds for steps, region in zip((1, m), regions)) if regions else bonds
     seconds = 2 * work * steps / (rate * ranks)
+    if scene.contact is not None:
+        seconds += _CONTACT_SECONDS * particles * steps / ranks
     stretch = critical_stretches(scene, body)
     smallest = min([critical, *(region.critical_dt for region in regions)])
     return Estimate(exact, particles, bonds, neighbours, stretch, smallest, dt, steps, ranks, memory, rate, seconds, unused(scene) + warnings + more, body.path, regions, m,
-                    overlap, critical)
+                    overlap, critical, contact_settings(scene, body))
 
 
 def _regions(scene, body, ranks, exact, family, critical):
@@ -144,7 +150,8 @@ def _bytes_of_files(scene, body, ranks):
 
 def _bytes_per_particle(scene, body, neighbours, ratio, per_rank):
     """Return the memory of a particle and its bonds; on a lattice the padding of a compact share of `per_rank` particles counts too."""
-    extra = _STATE_BYTES[scene.material[0].model] + (_RAISED_BYTES if any(material.stretch_softening for material in scene.material) else 0)
+    extra = _STATE_BYTES[scene.material[0].model] + _contact_bytes(scene)
+    extra += _RAISED_BYTES if any(material.stretch_softening for material in scene.material) else 0
     if body.lattice is None:
         slot = _BYTES_PER_SLOT + (_FACTOR_BYTES if scene.particles.surface_correction != "none" else 0)
         return math.ceil(neighbours / LANES) * LANES * slot + _BYTES_PER_PARTICLE[scene.dim] + extra
@@ -152,6 +159,32 @@ def _bytes_per_particle(scene, body, neighbours, ratio, per_rank):
     padding = (1 + 2 * int(ratio) / side) ** (scene.dim - 1) * (1 + (2 * LANES + int(ratio)) / side)
     words = math.ceil(family_size(scene.dim, ratio) / WORD)
     return padding * (_BYTES_PER_CELL[scene.dim] + 8 * words + extra) + 16
+
+
+def _contact_bytes(scene):
+    """Return the memory of a particle for contact, lists in the making included, and for impactors."""
+    position = 8 * scene.dim
+    extra = len(scene.impactor) * (position + 50)
+    if scene.contact is not None:
+        breaks = any(material.energy_release_rate is not None or material.critical_stretch is not None for material in scene.material)
+        resists = scene.contact.friction > 0 or scene.contact.damping > 0
+        extra += 12 * position + 150 + (_NEAR_PAIRS[scene.dim] * 10 if breaks else 0) + (2 * position if resists else 0)
+    return extra
+
+
+def contact_settings(scene, body):
+    """Return [(name, value and formula)] of what contact and impactors take for "auto"."""
+    rows = []
+    if scene.contact is not None:
+        rows.append(("contact distance", f"{contact_distance(scene):.6g} m" + (" = 1.35 spacing" if scene.contact.distance == "auto" else "")))
+        for material in body.materials:
+            formula = f" = 15 times {_MICROMODULUS[scene.dimension]}" if scene.contact.stiffness == "auto" else ""
+            rows.append(("contact stiffness", f"{material.name}: {contact_modulus(scene, material):.6g} N/m^6{formula}"))
+    for impactor in scene.impactor:
+        for material in body.materials:
+            formula = " = E/spacing^2" if impactor.stiffness == "auto" else ""
+            rows.append(("impactor stiffness", f"{impactor.name} on {material.name}: {penalty(scene, impactor, material):.6g} N/m^4{formula}"))
+    return rows
 
 
 def _built(scene, ranks):
