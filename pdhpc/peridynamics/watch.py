@@ -19,13 +19,13 @@ class Watch:
 
     Attributes
     ----------
-    overrun : the largest share of skin/2 that anything had moved before the list was made anew; above 1 pairs may have been missed.
+    overrun : the largest share of skin/2 that anything had moved, about, in a step that used an old list; above 1 pairs may have been missed.
     """
 
     def __init__(self, particles, skin, dt, agree):
         """skin : m. agree : function (3,) floats -> the largest of each over all ranks that share the list, or what a single rank needs: itself."""
         self.particles, self.half, self.dt, self.agree = particles, 0.5 * skin, dt, agree
-        self.overrun, self.largest, self._left = 0.0, 0.0, 0
+        self.overrun, self.largest, self._left, self._planned = 0.0, 0.0, 0, 1
         self._before = None
 
     def due(self, also=0.0, speed=0.0, measure=None):
@@ -39,25 +39,27 @@ class Watch:
             return False
         first = self._before is None
         if first:
-            self._before = self.particles.displacement.copy()
+            self._before = np.copy(self.particles.displacement)
         moved, fastest = self._motion()
         found = self.agree(np.array([max(moved, also), max(fastest, speed), 0.0 if measure is None else measure()]))
         moved, fastest, self.largest = (float(x) for x in found)
         self._left, step = 1, _FASTER * fastest * self.dt
         if not moved + step < _WILD * self.half:  # numbers that are no longer sane: whoever guards the run will say so
             return False
-        self.overrun = max(self.overrun, moved / self.half)
+        if self._planned > 1:  # the list served until the step before this look
+            self.overrun = max(self.overrun, (moved - fastest * self.dt) / self.half)
         anew = first or moved + step > self.half
         if anew:
             np.copyto(self._before, self.particles.displacement)
             moved = 0.0
         if step > 0.0 and not first:  # motions that are prescribed show in the velocities after the first step
             self._left = int(min(_MOST, max(1.0, (self.half - moved) / step)))
+        self._planned = self._left
         return anew
 
     def restart(self):
         """Let the list be made anew at the next call of `due`. Local; on all ranks or none."""
-        self._before, self._left = None, 0
+        self._before, self._left, self._planned = None, 0, 1
 
     def _motion(self):
         """Return (largest displacement since the list was made, m, largest speed, m/s) of this rank's particles."""
