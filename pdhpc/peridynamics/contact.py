@@ -182,16 +182,16 @@ class Contact:
         n = self.subdomain.particles.n_owned
         exchange = self.vicinity.exchange(ids[:n], ids[n:], owners)
         self._bound = exchange.bind(self._points.motion) if len(self._points.motion) else None
-        self._sent = np.zeros(len(ids), bool)
-        for _, rows in exchange.targets:
-            self._sent[rows] = True
 
     def _free_pairs(self):
-        """Let the pairs take part whose bonds broke, and list the particles that then do. Local."""
+        """Let the pairs take part whose bonds broke, and list the particles that then do, whose motion alone is looked at and sent. Local.
+
+        A bond breaks at both of its ends in one evaluation, so that owners know which of their particles other ranks look at.
+        """
         domain = self.subdomain
         if self.breaks:
             kernels.free_pairs(domain.bonds.arrays, self._pairs, self._points, self._stamp, self._intact, self._has_free)
         rows = np.flatnonzero(self._has_free)
-        met = self._sent.copy()
+        met = np.zeros(len(self._points.volume), bool)
         kernels.mark_met(self._pairs, rows, met)
         self._rows, self._met = rows, np.flatnonzero(met[: domain.particles.n_owned])

@@ -28,3 +28,8 @@ def test_a_scene_with_impactors_has_their_gauges_and_energies(comm):
     assert [gauge.name for gauge in gauges] == ["floor", "ball"]
     row = dict(zip(energies.columns, energies.read(stepper)))
     assert row["impactor_energy [J]"] == 0.5 * 3.0 * 0.02**2 and np.isclose(row["contact_energy [J]"], 6 * 0.5 * 0.2**2) and row["balance_error [J]"] == 0.0
+    for _ in range(20):
+        stepper.advance()
+    later = dict(zip(energies.columns, energies.read(stepper)))
+    assert abs(later["contact_energy [J]"] - row["contact_energy [J]"]) > 0.05, "of 0.12 J: the floor throws the body up"
+    assert abs(later["balance_error [J]"]) < 0.01
