@@ -89,7 +89,7 @@ class Simulation:
             self.warnings.append(f"the energy balance is off by {self.energies.relative_error():.1%} of the largest energy")
         if self.coupling is not None:
             self.warnings += self.coupling.warnings()
-        self.warnings += self.problem.remarks()
+        self.warnings += self.problem.remarks(self.comm)
         record = self._record("done")
         if writes:
             self._write(directory, record)

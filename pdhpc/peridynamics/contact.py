@@ -18,8 +18,8 @@ class Contact:
     which its bond breaks. It is made anew when something moved half the skin (see Watch). Ranks then tell each other the boxes of their particles, send
     candidates where these meet, and set up a second ghost exchange for what is near in the current configuration.
 
-    Memory per particle: 100 (2D) or 150 (3D) bytes, 5 for each pair in the list (4 of them about a particle in 2D, 18 in 3D where bonds can break), and twice
-    that and 100 more while a list is made.
+    Memory per particle, most of it while a list is made: 160 (2D) or 230 (3D) bytes; where bonds can break 44 or 108 more, since then bonded neighbours are in
+    the list; with friction or damping 32 or 60 more.
     """
 
     def __init__(self, subdomain, bond_law, law, reach, vicinity, skin):
@@ -32,18 +32,23 @@ class Contact:
         self.loss = np.zeros(particles.n_owned)
         self.watch = Watch(particles, skin, law.dt, vicinity.agree)
         self.lists_made, self.stable_dt = 0, math.inf
-        self._places = subdomain.places()
+        self._bound = None
         self._stamp = np.zeros(len(particles.position), np.bool_)
-        self._pairs = Pairs(np.zeros(1, np.int64), np.empty(0, np.int32), np.empty(0, np.uint8))
+        self._forget()
         self._intact = np.empty(particles.n_owned, np.int32)
-        self._broken, self._bound, self._rows, self._given = -1, None, np.empty(0, np.int64), False
+        self._broken, self._rows, self._given = -1, np.empty(0, np.int64), False
         order = np.argsort(particles.id[particles.n_owned :], kind="stable")
         self._known = particles.id[particles.n_owned :][order], particles.ghost_slots[order]
 
     @property
     def ghosts(self):
         """Particles of other ranks that are near this rank's ones."""
-        return len(self._points.motion) - self.subdomain.particles.n_owned
+        return len(self._points.motion) - self.subdomain.particles.n_owned if self.lists_made else 0
+
+    @property
+    def near_pairs(self):
+        """Pairs in the list of this rank."""
+        return len(self._pairs.other)
 
     def add_to(self, force_density, t, broken):
         """Add the contact forces at the current positions to force_density, N/m^3. Collective over neighbours; over all ranks when Watch looks.
@@ -126,29 +131,45 @@ class Contact:
 
     def _make_list(self):
         """Find the near pairs of this rank's particles, and set up the exchange of those of other ranks. Collective."""
-        particles = self.subdomain.particles
-        n, dim = particles.n_owned, particles.dim
-        volume, block = particles.owned(particles.volume), particles.owned(particles.block)
-        place = np.ascontiguousarray(particles.owned(particles.position)[:, :dim])
-        most = float(self.vicinity.agree(np.array([self.reach(volume).max(initial=0.0)]))[0])
+        n, dim = self.subdomain.particles.n_owned, self.subdomain.particles.dim
+        room = self.near_pairs + 1024
+        self._forget()
+        rows = self._rows_to_send(dim)
+        most = float(self.vicinity.agree(np.array([self.reach(rows[:, 2 * dim]).max(initial=0.0)]))[0])
         radius = (2.0 * most + self.skin) * _SEAM
-        rows = np.column_stack([place, self._places, volume, block, particles.id[:n].astype(float)])
         others, owners = self.vicinity.gather_near(rows, dim, radius)
-        everything = np.concatenate([rows, others])
-        points = self._points_of(everything, dim)
-        ids = everything[:, -1].astype(np.int64)
-        start, other = self._near(points, ids, n, radius)
+        rows = np.concatenate([rows, others]) if len(others) else rows
+        points, ids = self._points_of(rows, dim), rows[:, -1].astype(np.int64)
+        del rows, others
+        start, other = self._near(points, ids, radius, room)
         used = np.zeros(len(ids), bool)
         used[other], used[:n] = True, True
-        number = (np.cumsum(used) - 1).astype(np.int32)
-        kept = MetPoints(*(np.ascontiguousarray(field[used]) for field in points))
-        self._points = kept._replace(motion=np.zeros((len(kept.motion), dim * (2 if self.resists else 1))))
-        self._pairs = Pairs(start, number[other], np.ones(len(other), np.uint8))
+        if not used.all():
+            other, points = (np.cumsum(used) - 1).astype(np.int32)[other], MetPoints(*(np.ascontiguousarray(field[used]) for field in points))
+        self._points = points if not self.resists else points._replace(motion=np.zeros((len(points.motion), 2 * dim)))
+        self._pairs = Pairs(start, other, np.ones(len(other), np.uint8))
         self._connect(ids[used], owners[used[n:]])
         self.lists_made += 1
         self._intact[:] = -1
         self._has_free = np.diff(start) > 0
         self._free_pairs()
+
+    def _forget(self):
+        """Let go of the last list and its exchange, so that two are never held at once. Local."""
+        if self._bound is not None:
+            self._bound.free()
+        self._bound = self._points = None
+        self._pairs = Pairs(np.zeros(1, np.int64), np.empty(0, np.int32), np.empty(0, np.uint8))
+
+    def _rows_to_send(self, dim):
+        """Return (n_owned, 2 dim + 3): position and reference position, m, volume, m^3, block, id. Local."""
+        particles = self.subdomain.particles
+        rows = np.empty((particles.n_owned, 2 * dim + 3))
+        rows[:, :dim] = particles.owned(particles.position)[:, :dim]
+        rows[:, dim : 2 * dim] = self.subdomain.places()
+        rows[:, 2 * dim], rows[:, 2 * dim + 1] = particles.owned(particles.volume), particles.owned(particles.block)
+        rows[:, 2 * dim + 2] = particles.id[: particles.n_owned]
+        return rows
 
     def _points_of(self, rows, dim):
         """Return the MetPoints of rows (position, reference, volume, block, id), owned particles first."""
@@ -165,10 +186,10 @@ class Contact:
         return MetPoints(np.ascontiguousarray(rows[:, :dim]), np.ascontiguousarray(rows[:, dim : 2 * dim]), self.reach(volume), volume,
                          rows[:, 2 * dim + 1].astype(np.uint8), slot)
 
-    def _near(self, points, ids, n, radius):
-        """Return (start, other) of the pairs within d_ij + skin, without those that bonds which never break join. Local."""
+    def _near(self, points, ids, radius, room):
+        """Return (start, other) of the pairs within d_ij + skin, without those that bonds which never break join; room : for how many to begin with. Local."""
         cells, bonds, third = cell_list(points.motion, radius, 1), self.subdomain.bonds.arrays, self.subdomain.particles.third
-        start, end = np.zeros(n + 1, np.int64), len(self._pairs.other) + 1024
+        start, end = np.zeros(self.subdomain.particles.n_owned + 1, np.int64), room
         while True:
             other = np.empty(end + end // 8, np.int32)
             end = kernels.list_near(cells, points, ids, third, self.skin, radius, bonds, not self.breaks, self._stamp, start, other)
@@ -177,8 +198,6 @@ class Contact:
 
     def _connect(self, ids, owners):
         """Set up the exchange of the particles `ids` (n_points,), ghosts behind the owned ones. Collective."""
-        if self._bound is not None:
-            self._bound.free()
         n = self.subdomain.particles.n_owned
         exchange = self.vicinity.exchange(ids[:n], ids[n:], owners)
         self._bound = exchange.bind(self._points.motion) if len(self._points.motion) else None

@@ -34,8 +34,8 @@ class Uncoupled:
         """Return what run.json says of the coupling (the gauge that `coupling` returned), or None. Collective."""
         return None
 
-    def remarks(self):
-        """Return sentences on what happened in a run that its user should know. Local; those of rank 0 are reported."""
+    def remarks(self, comm):
+        """Return sentences on what happened in a run that its user should know. Collective."""
         return []
 
 
@@ -112,7 +112,16 @@ class Problem(Uncoupled):
             "sent_per_step": int(per_rank[:, 2].sum()),
             "bytes_sent_per_step": int(comm.allreduce(stepper.bytes_sent)),
             "bond_imbalance": float(per_rank[:, 0].max() / max(per_rank[:, 0].mean(), 1)),
+            **self._contact(comm),
         }
+
+    def _contact(self, comm):
+        """Return what run.json says of contact: lists made, near pairs (each counted at both ends) and ghosts of the last one; nothing without. Collective."""
+        if self.scene.contact is None:
+            return {}
+        contact = self.conditions.interactions[0]
+        pairs, ghosts = (int(number) for number in comm.allreduce(np.array([contact.near_pairs, contact.ghosts])))
+        return {"contact": {"lists_made": contact.lists_made, "near_pairs": pairs, "ghosts": ghosts}}
 
     def coupling(self, stepper, comm):
         """Return the gauge of what couples the regions, or None. Collective."""
@@ -122,9 +131,10 @@ class Problem(Uncoupled):
         """Return the observers that stop a run whose coupling fails, at `steps` and in between. Local."""
         return [CouplingGuard(comm, steps)] if hasattr(stepper, "operator") else []
 
-    def remarks(self):
-        """Return sentences on what happened in a run that its user should know. Local; those of rank 0 are reported."""
-        return [sentence for part in self.parts for each in part.conditions.interactions for sentence in each.warnings()]
+    def remarks(self, comm):
+        """Return sentences on what happened in a run that its user should know, each once. Collective."""
+        mine = [sentence for part in self.parts for each in part.conditions.interactions for sentence in each.warnings()]
+        return list(dict.fromkeys(sentence for sentences in comm.allgather(mine) for sentence in sentences))
 
     def coupled(self, stepper, comm, coupling):
         """Return what run.json says of the regions and their coupling (the gauge that `coupling` returned); None without. Collective."""

@@ -31,7 +31,7 @@ _BYTES_PER_CELL = {2: 73, 3: 105}  # of a lattice, and 8 for each word of bond s
 _STATE_BYTES = {"pmb": 0, "lps": 16}
 _FACTOR_BYTES = 8  # of a bond slot: its surface correction
 _RAISED_BYTES = 8  # of a particle whose critical stretch rises with compression
-_NEAR_PAIRS = {2: 4, 3: 18}  # of a lattice within the distance of contact and its skin
+_CONTACT_BYTES = {2: (160, 44, 32), 3: (230, 108, 60)}  # of a particle while a list is made: of all, where bonds can break, with friction or damping
 _CONTACT_SECONDS = 8e-8  # a particle's share of a list of near pairs, made anew every 20 steps
 _MICROMODULUS = {"3d": "18 K/(pi horizon^4)", "plane_stress": "9 E/(pi thickness horizon^3)", "plane_strain": "48 E/(5 pi thickness horizon^3)"}
 _SMALL = 1.2e7  # directed bonds up to which the body is built
@@ -163,12 +163,11 @@ def _bytes_per_particle(scene, body, neighbours, ratio, per_rank):
 
 def _contact_bytes(scene):
     """Return the memory of a particle for contact, lists in the making included, and for impactors."""
-    position = 8 * scene.dim
-    extra = len(scene.impactor) * (position + 50)
+    extra = len(scene.impactor) * (8 * scene.dim + 50)
     if scene.contact is not None:
         breaks = any(material.energy_release_rate is not None or material.critical_stretch is not None for material in scene.material)
         resists = scene.contact.friction > 0 or scene.contact.damping > 0
-        extra += 12 * position + 150 + (_NEAR_PAIRS[scene.dim] * 10 if breaks else 0) + (2 * position if resists else 0)
+        extra += sum(number for number, counts in zip(_CONTACT_BYTES[scene.dim], (True, breaks, resists)) if counts)
     return extra
 
 

@@ -83,3 +83,32 @@ def test_bodies_from_files(monkeypatch, kind, tmp_path):
     rough = estimate(scene, 2)
     assert not rough.exact and rough.particles == 600 and rough.bonds == estimate(parse_scene(cracked(counts), "t"), 2).bonds
     assert rough.critical_dt == pytest.approx(exact.critical_dt, rel=0.02)
+
+
+PRESS = '[contact]\nfriction = 0.2\n[[impactor]]\nname = "p"\nshape = "plane"\npoint = [0.0, -99.0]\nnormal = [0.0, 1.0]\n'
+
+
+@pytest.mark.parametrize("small", [1e9, 0])
+def test_contact_and_impactors_count(monkeypatch, small):
+    monkeypatch.setattr(module, "_SMALL", small)
+    text = plate((30, 20), kinematics="finite")
+    without, found = estimate(parse_scene(text, "t")), estimate(parse_scene(text + PRESS, "t"))
+    assert found.critical_dt < 0.9 * without.critical_dt and found.steps >= without.steps and found.memory > 1.3 * without.memory
+    assert [name for name, _ in found.contact] == ["contact distance", "contact stiffness", "impactor stiffness"] and without.contact == []
+    assert found.contact[0][1] == "1.35 m = 1.35 spacing" and "15 times 9 E/(pi thickness horizon^3)" in found.contact[1][1] and "= E/spacing^2" in found.contact[2][1]
+
+
+@pytest.mark.parametrize("dimension, cells", [("plane_stress", (100, 80)), ("3d", (20, 20, 20))])
+@pytest.mark.parametrize("material, contact", [("", ""), ("critical_stretch = 0.1", "friction = 0.2\n")])
+def test_memory_of_contact_is_what_it_takes(dimension, cells, material, contact):
+    """What numpy holds at most while contact and its list are made, against the estimate."""
+    import tracemalloc
+
+    text = plate(cells, kinematics="finite", material=material, dimension=dimension) + "[contact]\n" + contact
+    problem = problem_of(text)
+    problem.stepper()  # compiles
+    tracemalloc.start()
+    problem.stepper().conditions.interactions[0]._make_list()
+    peak = tracemalloc.get_traced_memory()[1] / np.prod(cells)
+    tracemalloc.stop()
+    assert peak / module._contact_bytes(parse_scene(text, "t")) == pytest.approx(1.0, abs=0.25)
