@@ -182,7 +182,7 @@ def _needs_cloud(scene, by_pair):
     if scene.particles.surface_correction != "none":
         return "each bond has its own surface correction"
     if by_pair:
-        return "horizons differ, or an interface has no bonds"
+        return "horizons differ, or spacings, or an interface has no bonds"
     if scene.material[0].failure == "energy" and scene.material[0].model == "lps":
         return "bonds of lps break by their energy"
     return None

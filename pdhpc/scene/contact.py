@@ -13,7 +13,7 @@ class Contact(Table):
         'distance below which two particles repel, where they are not nearer in the unloaded body: d = min(0.9 |X_j - X_i|, distance); "auto": by their sizes', "m",
         "auto: 1.35 (a_i + a_j), a half the side of a particle's cell, so 1.35 h; Parks et al. 2008 (LAMMPS peri)", default="auto")
     stiffness: AutoOrPositive = key(
-        "micromodulus c_s of the repulsion f = c_s (d - r)/horizon per volume of the other; two materials: harmonic mean", "N/m^6",
+        "micromodulus c_s of the repulsion f = c_s (d - r)/horizon per volume of the other; two materials: harmonic mean, at the mean horizon of both bodies", "N/m^6",
         "auto: 15 times 18 K/(pi delta^4) in 3D, 9 E/(pi t delta^3) in plane stress, 48 E/(5 pi t delta^3) in plane strain; Parks et al. 2008", default="auto")
     friction: NotNegative = key(
         "Coulomb coefficient mu", "1", "T = min(mu N, m |w_t|/(4 dt)) against the sliding w_t, m = m_i m_j/(m_i + m_j)", default=0.0)
@@ -30,8 +30,8 @@ class _Impactor(Table):
                                    "M v' = R + M g, R minus the sum of its forces on particles", default=None)
     gravity: Optional[Vector] = key("acceleration of gravity on a free impactor (default 0)", "m/s^2", default=None)
     stiffness: AutoOrPositive = key(
-        "penalty s: force per volume of a particle and per depth e to which the particle, a ball of radius a = h/2, enters", "N/m^4",
-        "F = V s e; auto: E/h^2, as stiff as a layer of the particle's material one spacing thick", default="auto")
+        "penalty s: force per volume of a particle and per depth e to which the particle, a ball of half the side h of its cell, enters", "N/m^4",
+        "F = V s e; auto: E/h^2, as stiff as a layer of the particle's material of its thickness", default="auto")
     friction: NotNegative = key("Coulomb coefficient mu", "1", "T = min(mu V s e, m |w_t|/(4 dt)) against the sliding w_t", default=0.0)
 
     @property

@@ -4,18 +4,21 @@ import math
 import numpy as np
 
 from pdhpc.conditions.impactors import CYLINDER, PLANE, SPHERE, Impactor
+from pdhpc.geometry.points import PointBody
 from pdhpc.kernels.contact import ContactLaw
 from pdhpc.materials.bond_based import BondBased
+from pdhpc.materials.law import of_pairs
 from pdhpc.parallel.exact import ExactSums
 from pdhpc.parallel.vicinity import Vicinity
 from pdhpc.peridynamics.contact import Contact
 from pdhpc.peridynamics.impact import Impact
+from pdhpc.scene.body import kinds_by_body
 from pdhpc.scene.conditions import time_function
 from pdhpc.scene.loads import ConstantTime
 
 _STIFFER = 15.0  # times the bonds' micromodulus: the repulsion of Parks et al. 2008
 _WIDTHS = 1.35  # times the sum of two particles' radii: the distance of contact there
-_SKIN = 0.3  # of a spacing: how much farther than that near pairs are listed
+_SKIN = 0.3  # of the smallest spacing of all bodies: how much farther than that near pairs are listed
 _TOUCHING = 2.0  # |sum n (x) n| over neighbours one spacing away: what the critical step allows for contact
 
 
@@ -27,41 +30,58 @@ def moduli_of(material):
     return 9 * bulk * shear / (3 * bulk + shear), bulk
 
 
-def contact_modulus(scene, material):
-    """Return c_s of a material against itself, N/m^6: given, or 15 times the micromodulus of bonds of constant influence."""
+def contact_modulus(scene, material, delta):
+    """Return c_s of a material against itself at the horizon delta, m, N/m^6: given, or 15 times the micromodulus of bonds of constant influence."""
     if scene.contact.stiffness != "auto":
         return scene.contact.stiffness
-    (young, bulk), delta = moduli_of(material), scene.particles.horizon
+    young, bulk = moduli_of(material)
     if scene.dimension == "3d":
         return _STIFFER * 18 * bulk / (math.pi * delta**4)
     factor = 9 if scene.dimension == "plane_stress" else 48 / 5
     return _STIFFER * factor * young / (math.pi * scene.thickness * delta**3)
 
 
-def contact_distance(scene):
-    """Return the distance of contact of two particles of the lattice, m."""
-    return _WIDTHS * scene.particles.spacing if scene.contact.distance == "auto" else scene.contact.distance
+def contact_stiffness(scene, body):
+    """Return (n_block, n_block), N/m^7: c_s/horizon of pairs, at the mean horizon of both blocks, the harmonic mean of both materials' c_s there."""
+    blocks, settings = body.calibration()
+    own = of_pairs(blocks, settings, lambda material, between: contact_modulus(scene, material, between.horizon))
+    horizon = of_pairs(blocks, settings, lambda material, between: between.horizon)
+    return np.where(own == own.T, own, 2 * own * own.T / (own + own.T)) / horizon
 
 
-def penalty(scene, impactor, material):
-    """Return s of an impactor against a material, N/m^4: given, or E/h^2."""
-    return moduli_of(material)[0] / scene.particles.spacing**2 if impactor.stiffness == "auto" else impactor.stiffness
+def contact_distance(scene, size):
+    """Return the distance of contact of two particles whose cells have the side `size`, m."""
+    return _WIDTHS * size if scene.contact.distance == "auto" else scene.contact.distance
+
+
+def penalty(impactor, material, size):
+    """Return s of an impactor against particles of a material whose cells have the side `size`, m, N/m^4: given, or E/size^2."""
+    return moduli_of(material)[0] / size**2 if impactor.stiffness == "auto" else impactor.stiffness
+
+
+def sizes_of(lattice):
+    """Return (smallest, largest) side of the cells of a body's particles, m."""
+    return (lattice.sizes[0], lattice.sizes[2]) if isinstance(lattice, PointBody) else (lattice.spacing, lattice.spacing)
 
 
 def stiffer_step(scene, body, critical):
-    """Return the critical step, s, with what contact and impactors may add to |A|/rho of a particle of the lattice.
+    """Return the critical step, s, with what contact and impactors may add to |A|/rho of a particle.
 
     From omega^2 <= 2 max (|A| + |A_c|)/rho (see peridynamics/critical_step.py) with |A_c| = 2 c_s V/horizon for pairs one spacing apart on both sides along
-    every axis, and s for each impactor. Contact watches what is really pressed together, and says so where that is more.
+    every axis, V the volume of the largest particle of either body, and s for each impactor. Contact watches what is really pressed together, and says so
+    where that is more.
     """
     if scene.contact is None and not scene.impactor:
         return critical
-    added = 0.0
-    for material in body.materials:
-        stiffness = sum(penalty(scene, impactor, material) for impactor in scene.impactor)
-        if scene.contact is not None:
-            stiffness += _TOUCHING * contact_modulus(scene, material) * body.cell_volume / scene.particles.horizon
-        added = max(added, stiffness / material.density)
+    added, sizes = 0.0, [sizes_of(lattice) for lattice in body.lattices]
+    kinds = kinds_by_body(scene)
+    blocks, volumes = [body.blocks[body.kinds.index(kind), True] for kind in kinds], [largest**scene.dim * scene.thickness for _, largest in sizes]
+    table = None if scene.contact is None else contact_stiffness(scene, body)
+    for (number, _), block, (smallest, _) in zip(kinds, blocks, sizes):
+        stiffness = sum(penalty(impactor, body.materials[number], smallest) for impactor in scene.impactor)
+        if table is not None:
+            stiffness += _TOUCHING * max(table[block, other] * volume for other, volume in zip(blocks, volumes))
+        added = max(added, stiffness / body.materials[number].density)
     return math.sqrt(2.0 / (2.0 / critical**2 + added))
 
 
@@ -76,33 +96,26 @@ def _radius(scene, volume):
     return 0.5 * (volume / scene.thickness) ** (1.0 / scene.dim)
 
 
-def _of_blocks(body, function):
-    """Return (n_block,) of what a function says of the material of each block."""
-    values = np.empty(len(body.blocks))
-    for (material, _), block in body.blocks.items():
-        values[block] = function(body.materials[material])
-    return values
-
-
 def _make_contact(scene, body, part, comm, dt):
-    modulus = _of_blocks(body, lambda material: contact_modulus(scene, material))
-    pairs = np.where(modulus[:, None] == modulus[None, :], modulus[:, None], 2 * modulus[:, None] * modulus[None, :] / (modulus[:, None] + modulus[None, :]))
-    law = ContactLaw(pairs / scene.particles.horizon, np.array(body.law.density, float), scene.contact.friction, scene.contact.damping, dt)
+    law = ContactLaw(contact_stiffness(scene, body), np.array(body.law.density, float), scene.contact.friction, scene.contact.damping, dt)
 
     def reach(volume):
         if scene.contact.distance == "auto":
             return _WIDTHS * _radius(scene, volume)
         return np.full(len(volume), 0.5 * scene.contact.distance)
 
-    return Contact(part.subdomain, body.law, law, reach, Vicinity(comm), _SKIN * scene.particles.spacing)
+    return Contact(part.subdomain, body.law, law, reach, Vicinity(comm), _SKIN * body.spacing)
 
 
 def _make_impact(scene, body, part, comm, dt, table):
     particles = part.subdomain.particles
     volume, block = particles.owned(particles.volume), particles.owned(particles.block)
-    stiffness = _of_blocks(body, lambda material: penalty(scene, table, material))[block]
+    radius, blocks = _radius(scene, volume), body.calibration()[0]
+    stiffness = np.empty(len(block))
+    for number, (material, _) in enumerate(blocks):
+        stiffness[block == number] = penalty(table, material, 2 * radius[block == number])
     sums = None if table.mass is None else ExactSums(comm, scene.dim + 1)
-    return Impact(part.subdomain, make_impactor(scene, table), (_radius(scene, volume), body.law.density[block] * volume, stiffness), table.friction, dt, sums)
+    return Impact(part.subdomain, make_impactor(scene, table), (radius, body.law.density[block] * volume, stiffness), table.friction, dt, sums)
 
 
 def make_impactor(scene, table):

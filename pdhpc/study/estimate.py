@@ -19,7 +19,7 @@ from pdhpc.peridynamics.view import View
 from pdhpc.scene.body import kinds_by_body, make_body, radius_of, select
 from pdhpc.scene.build import build
 from pdhpc.scene.gauges import make_gauges
-from pdhpc.scene.interactions import contact_distance, contact_modulus, penalty, stiffer_step
+from pdhpc.scene.interactions import contact_distance, contact_modulus, penalty, sizes_of, stiffer_step
 from pdhpc.scene.mesh_rules import unused
 from pdhpc.scene.regions import finite_margin, ratio_for, split_of
 from pdhpc.scene.steps import choose_step
@@ -173,16 +173,17 @@ def _contact_bytes(scene):
 
 def contact_settings(scene, body):
     """Return [(name, value and formula)] of what contact and impactors take for "auto"."""
-    rows = []
+    rows, kinds, sizes = [], kinds_by_body(scene), [sizes_of(lattice) for lattice in body.lattices]
     if scene.contact is not None:
-        rows.append(("contact distance", f"{contact_distance(scene):.6g} m" + (" = 1.35 spacing" if scene.contact.distance == "auto" else "")))
-        for material in body.materials:
+        for size in sorted({size for both in sizes for size in both} if scene.contact.distance == "auto" else {0.0}):
+            rows.append(("contact distance", f"{contact_distance(scene, size):.6g} m" + (f" = 1.35 {'spacing' if len(set(sizes)) == 1 else f'times {size:g} m'}" if size else "")))
+        for number, horizon in dict.fromkeys((number, setting.horizon) for number, setting in body.kinds):
             formula = f" = 15 times {_MICROMODULUS[scene.dimension]}" if scene.contact.stiffness == "auto" else ""
-            rows.append(("contact stiffness", f"{material.name}: {contact_modulus(scene, material):.6g} N/m^6{formula}"))
+            rows.append(("contact stiffness", f"{body.materials[number].name}: {contact_modulus(scene, body.materials[number], horizon):.6g} N/m^6{formula}"))
     for impactor in scene.impactor:
-        for material in body.materials:
+        for number, size in dict.fromkeys((number, size) for (number, _), both in zip(kinds, sizes) for size in both):
             formula = " = E/spacing^2" if impactor.stiffness == "auto" else ""
-            rows.append(("impactor stiffness", f"{impactor.name} on {material.name}: {penalty(scene, impactor, material):.6g} N/m^4{formula}"))
+            rows.append(("impactor stiffness", f"{impactor.name} on {body.materials[number].name}: {penalty(impactor, body.materials[number], size):.6g} N/m^4{formula}"))
     return rows
 
 

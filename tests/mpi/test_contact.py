@@ -164,3 +164,23 @@ def test_three_dimensions(comm):
     text = plate((10, 10, 6), 2.0, kinematics="finite", material=BREAKS, dimension="3d", extra=body + more)
     _, record = same_as_on_one_rank(comm, parse_scene(text, "t", ["time.end=14.0"]))
     assert record["broken_bonds"] > 50 and record["energies"]["contact_loss"] > 0
+
+
+@pytest.mark.mpi(min_size=2)
+@pytest.mark.parametrize("surface", ["none", "energy"])
+def test_a_table_hits_a_coarser_lattice(comm, surface, tmp_path_factory):
+    """A block of particles of side 3/4 and a horizon of its own: momentum is kept, and every digit is that of one rank."""
+    path = comm.bcast(tmp_path_factory.mktemp("block") / "block.txt" if comm.rank == 0 else None)
+    if comm.rank == 0:
+        path.write_text("".join(f"{-20.0 + 0.75 * i} {-2.6 + 0.75 * j} 0.5625 1\n" for i in range(9) for j in range(8)))
+    comm.Barrier()
+    box = 'shape = "box"\nlower = [-26.0, -3.0]\nupper = [-17.0, 3.0]'
+    extra = BULLET.format(x=-26.0, end=-17.0, contact="friction = 0.2").replace(box, f'shape = "table"\nfile = "{path}"\nhorizon = 2.5')
+    options = ["particles.volume_correction=none", f"particles.surface_correction={surface}", "time.end=25.0"]
+    scene = parse_scene(plate((24, 20), 3.0, kinematics="finite", material=BREAKS, extra=extra), "t", options)
+    together, record = same_as_on_one_rank(comm, scene)
+    assert record["energies"]["contact_energy"] > 0 and record["energies"]["contact_loss"] > 0 and record["broken_bonds"] > 20
+    whole = gathered(comm, together)
+    volume = np.where(np.isin(whole["id"], np.sort(whole["id"])[-72:]), 0.5625, 1.0)
+    momentum = volume @ whole["velocity"]
+    assert np.abs(momentum - 72 * 0.5625 * np.array([0.6, 0.13])).max() < 1e-11

@@ -13,6 +13,7 @@ from pdhpc.study.verify.bodies import cracked, write_cells, write_table
 from tests.mpi.test_simulation import gathered
 
 COUNTS = (24, 12)
+WIDE = '[[body]]\nname = "wide"\nmaterial = "solid"\nshape = "box"\nlower = [24.0, 0.0]\nupper = [30.0, 12.0]\nhorizon = 4.0\n'
 
 
 @pytest.fixture
@@ -31,12 +32,15 @@ def lines(folder, kind):
 
 
 @pytest.mark.mpi(min_size=2)
-@pytest.mark.parametrize("model", [[], ["material.solid.model=lps", "material.solid.poissons_ratio=0.3"]], ids=["pmb", "lps"])
-def test_a_table_gives_the_bits_of_the_lattice(comm, folder, model):
+@pytest.mark.parametrize("options, extra", [
+    ([], ""), (["material.solid.model=lps", "material.solid.poissons_ratio=0.3"], ""), (["particles.surface_correction=energy", "body.body.horizon=2.5"], WIDE),
+    (["particles.surface_correction=volume", "material.solid.stretch_softening=0.25"], ""), (["particles.influence=conical"], WIDE),
+], ids=["pmb", "lps", "energy", "volume", "conical"])
+def test_a_table_gives_the_bits_of_the_lattice(comm, folder, options, extra):
     from mpi4py import MPI
 
-    alone = Simulation(parse_scene(cracked(COUNTS), "lattice", model), MPI.COMM_SELF)
-    together = Simulation(parse_scene(cracked(COUNTS, lines(folder, "table"), 'shape = "group"\ngroup = "2"'), "table", model), comm)
+    alone = Simulation(parse_scene(cracked(COUNTS) + extra, "lattice", options), MPI.COMM_SELF)
+    together = Simulation(parse_scene(cracked(COUNTS, lines(folder, "table"), 'shape = "group"\ngroup = "2"') + extra, "table", options), comm)
     assert together.problem.dt == alone.problem.dt
     reference, record = alone.run(quiet=True), together.run(quiet=True)
     expected = gathered(MPI.COMM_SELF, alone)
@@ -76,12 +80,13 @@ def test_a_mesh_of_several_sizes_has_the_same_bits_on_any_number_of_ranks(comm, 
 
 
 @pytest.mark.mpi(min_size=2)
-def test_bodies_of_two_spacings_have_the_same_bits_on_any_number_of_ranks(comm):
+@pytest.mark.parametrize("correction", ["none", "linear"])
+def test_bodies_of_two_spacings_have_the_same_bits_on_any_number_of_ranks(comm, correction):
     from mpi4py import MPI
 
     finer = '[[body]]\nname = "finer"\nmaterial = "solid"\nshape = "box"\nlower = [24.0, 0.0]\nupper = [30.0, 12.0]\nspacing = 0.75\n'
     text = cracked(COUNTS, right='shape = "box"\nlower = [26.0, 0.0]\nupper = [30.0, 12.0]') + finer
-    scene = parse_scene(text, "t", ["particles.volume_correction=none"])
+    scene = parse_scene(text, "t", [f"particles.volume_correction={correction}"])
     alone, together = Simulation(scene, MPI.COMM_SELF), Simulation(scene, comm)
     reference, record = alone.run(quiet=True), together.run(quiet=True)
     expected = gathered(MPI.COMM_SELF, alone)

@@ -1,8 +1,10 @@
 import numpy as np
 import pytest
 
+from pdhpc.kernels.family import MIXED, VARIED
 from pdhpc.peridynamics.critical_step import stable_step
 from pdhpc.peridynamics.fields import field, strain_energy_density
+from pdhpc.peridynamics.internal_forces import InternalForces
 from pdhpc.peridynamics.surface import METHODS, bulk_energies, correct_surfaces, whole_family
 from pdhpc.materials.bond_based import BondBased
 from pdhpc.materials.law import Setting
@@ -100,3 +102,19 @@ def test_ghosts_bring_their_own_scales():
 
     correct_surfaces(subdomain, problem.body.law, blocks, setting, Ghosts, "energy")
     assert fields[0].shape == (len(subdomain.points.position), 2)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_rows_of_several_volumes_take_their_factors(method):
+    """Eight bonds at a time as bond by bond."""
+    problem, subdomain, _ = body(method)
+    particles, random = subdomain.particles, np.random.default_rng(4)
+    particles.volume[:] = random.uniform(0.5, 1.5, len(particles.volume))
+    particles.displacement[:] = random.normal(0, 0.01, particles.displacement.shape)
+    particles.place()
+    found = []
+    for mark in (VARIED, MIXED):
+        subdomain.points.row_block[:] = mark
+        InternalForces(subdomain, problem.body.law, NoGhosts).evaluate()
+        found.append(particles.force_density.copy())
+    assert np.ptp(subdomain.bonds.arrays.factor) > 0.1 and np.abs(found[0] - found[1]).max() < 1e-12 * np.abs(found[1]).max()

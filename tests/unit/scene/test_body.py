@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 
 from pdhpc.geometry.shapes import Band, Disk, Within
 from pdhpc.materials.law import Weighting
@@ -57,3 +58,24 @@ def test_an_interface_without_bonds():
     assert np.allclose(body.reach, [[3.5, 0.0], [0.0, 3.5]]) and isinstance(body.law.weighting, Weighting)
     problem, apart = problem_of(plate((6, 4), extra=SECOND + words)), problem_of(plate((6, 4)), ["particles.path=cloud"])
     assert problem.subdomain.bonds.n_directed == 2 * apart.subdomain.bonds.n_directed
+
+
+FINER = '[[body]]\nname = "finer"\nmaterial = "solid"\nshape = "box"\nlower = [3.0, -2.0]\nupper = [6.0, 2.0]\nspacing = 0.5\n'
+
+
+def test_a_spacing_of_its_own_enters_the_volume_correction():
+    """Families end at horizon + spacing/2, of a pair at the mean of both; without correction, and with the conical influence, spacings do not matter."""
+    scene = parse_scene(plate((6, 4), extra=FINER), "t")
+    body = make_body(scene)
+    assert body.path.startswith("cloud") and len(body.kinds) == 2
+    assert body.reach == pytest.approx(np.array([[3.5, 3.375], [3.375, 3.25]])) and radius_of(scene) == body.reach[0, 0]
+    assert np.diag(body.law.weighting.ramp_slope).tolist() == [1.0, 2.0]
+    for override in ("particles.volume_correction=none", "particles.influence=conical"):
+        body = make_body(parse_scene(plate((6, 4), extra=FINER), "t", [override]))
+        assert np.ndim(body.reach) == 0 and len(body.kinds) == 1
+
+
+def test_one_body_of_its_own_spacing_is_that_of_the_scene():
+    own, scenes = (make_body(parse_scene(plate((6, 4), 3.0), "t", [f"{key}=0.5", "particles.horizon=2.0"])) for key in ("body.body.spacing", "particles.spacing"))
+    assert own.reach == scenes.reach and own.volumes == scenes.volumes and own.path == scenes.path and own.law.weighting == scenes.law.weighting
+    assert np.array_equal(own.law.micromodulus, scenes.law.micromodulus)
