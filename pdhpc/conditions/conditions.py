@@ -17,6 +17,11 @@ class Conditions:
         for load in self.loads:
             load.add_to(self.forces(), t)
 
+    def place(self, t, share=1.0):
+        """Take prescribed displacements a share of the way to where they must be at t, the whole of it with 1."""
+        for motion in self.motions:
+            motion.place(self._fields.displacement, t, share)
+
     def steer(self, t, dt):
         """Give prescribed components the half-step velocity that takes them to where they must be at t."""
         for motion in self.motions:
@@ -102,6 +107,13 @@ class ParticleConditions(Conditions):
         for each in self.interactions:
             state.update(each.state())
         return state
+
+    def held(self):
+        """Return (n_owned, dim) bool: the components of owned particles whose motion is prescribed."""
+        by_slot = np.zeros(self.particles.displacement.shape, bool)
+        for motion in self.motions:
+            by_slot[np.ix_(motion.indices, motion.components)] = True
+        return by_slot[self.particles.slots]
 
     def forces(self):
         """Return (n_slots, dim) force densities, N/m^3."""

@@ -57,6 +57,11 @@ class PrescribedMotion:
             np.multiply(self.value, dt * self.time_function.value(t - 0.5 * dt), out=self._target)
         _steer(displacement, velocity, self.indices, self.components, self._target, dt, self.displaces)
 
+    def place(self, displacement, t, share):
+        """Take prescribed displacements a share of the way to value f(t), the whole of it with 1."""
+        np.multiply(self.value, self.time_function.value(t), out=self._target)
+        _place(displacement, self.indices, self.components, self._target, share)
+
     def settle(self, velocity, t):
         """Set the velocity at the full step t."""
         _settle(velocity, self.indices, self.components, self.velocity_at(t))
@@ -92,6 +97,16 @@ def _steer(displacement, velocity, indices, components, target, dt, absolute):
             d = components[c]
             goal = target[n % len(target), c]
             velocity[i, d] = (goal - displacement[i, d]) / dt if absolute else goal / dt
+
+
+@kernel
+def _place(displacement, indices, components, target, share):
+    for n in range(len(indices)):
+        i = indices[n]
+        for c in range(len(components)):
+            d = components[c]
+            goal = target[n % len(target), c]
+            displacement[i, d] = goal if share == 1.0 else displacement[i, d] + share * (goal - displacement[i, d])
 
 
 @kernel

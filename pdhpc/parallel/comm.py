@@ -83,6 +83,25 @@ def join_marks(comm, marks):
     comm.Allreduce(MPI.IN_PLACE, marks, MPI.MAX)
 
 
+class Sums:
+    """Sums over the ranks of a communicator whose bits do not depend on their number, for those who know no communicator."""
+
+    def __init__(self, comm):
+        self._comm = comm
+
+    def of(self, values):
+        """Return [exact sum of each row] of values (k, n). Collective."""
+        return exact_sums(self._comm, values)
+
+    def count(self, number):
+        """Return the sum of whole numbers. Collective."""
+        return int(self._comm.allreduce(int(number)))
+
+    def largest(self, value):
+        """Return the largest of the ranks' values. Collective."""
+        return largest(self._comm, value)
+
+
 def part_of(comm, takes_part):
     """Return the communicator of the ranks that take part, and one of this rank alone to the others. Collective."""
     from mpi4py import MPI
@@ -113,17 +132,20 @@ def exact_sum(comm, values):
     -------
     float; NaN when any value on any rank is not finite.
     """
-    values = np.ascontiguousarray(values, dtype=float).ravel()
-    count = comm.allreduce(values.size)
-    largest = comm.allreduce(_largest_magnitude(values), op=_op("MAX"))
-    if not math.isfinite(largest):
-        return math.nan
-    if largest == 0.0:
-        return 0.0
+    return exact_sums(comm, np.ascontiguousarray(values, dtype=float).reshape(1, -1))[0]
+
+
+def exact_sums(comm, values):
+    """Return [exact_sum of each row] of values (k, n), k on every rank the same, with three reductions for all. Collective."""
+    count, number = comm.allreduce(values.shape[1]), len(values)
+    largest, totals = np.array([_largest_magnitude(row) for row in values]), np.empty((number, 2), np.int64)
+    comm.Allreduce(_op("IN_PLACE"), largest, op=_op("MAX"))
     bits = 61 - max(1, math.ceil(math.log2(count + 1)))
-    exponent = math.frexp(largest)[1]
-    total = comm.allreduce(np.array(_integer_sums(values, bits, exponent), dtype=np.int64))
-    return _scaled((int(total[0]) << bits) + int(total[1]), exponent - 2 * bits)
+    exponents = [math.frexp(each)[1] if math.isfinite(each) else 0 for each in largest]
+    parts = [_integer_sums(row, bits, exponent) if 0.0 < each < math.inf else (0, 0) for row, exponent, each in zip(values, exponents, largest)]
+    comm.Allreduce(np.array(parts, dtype=np.int64).reshape(number, 2), totals, op=_op("SUM"))
+    sums = [_scaled((int(coarse) << bits) + int(fine), exponent - 2 * bits) for (coarse, fine), exponent in zip(totals, exponents)]
+    return [total if math.isfinite(each) else math.nan for total, each in zip(sums, largest)]
 
 
 def compile_exact_sum():

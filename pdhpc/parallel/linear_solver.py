@@ -51,7 +51,7 @@ class Defaults(NamedTuple):
 
 
 class SolverError(RuntimeError):
-    """A linear system that was not solved: one sentence with the reason and the residual."""
+    """A system that was not solved: one sentence with the reason and the residual."""
 
 
 class OptionError(ValueError):
@@ -82,7 +82,7 @@ def _take_options(ksp, prefix, n):
 
 
 class LinearSolver:
-    """KSP on an operator given as a function, preconditioned by a diagonal; PETSc's options of the given prefix take precedence over the defaults.
+    """KSP on an operator given as a function, preconditioned by a diagonal or by blocks; PETSc's options of the given prefix take precedence over the defaults.
 
     iterations : of the last solve. failure : None, or what the first solve that did not converge has to say.
     """
@@ -91,7 +91,7 @@ class LinearSolver:
         """Set the KSP up. Collective over `comm`.
 
         prefix : of PETSc options, such as "interface_". defaults : Defaults. apply : function (n_local,) -> (n_local,) or of that size.
-        diagonal : n_local entries above 0, the preconditioner.
+        diagonal : n_local entries above 0, the preconditioner; or (n, d, d) inverses of its blocks, n d = n_local.
 
         Raises
         ------
@@ -99,6 +99,8 @@ class LinearSolver:
         """
         from petsc4py import PETSc
 
+        diagonal = np.asarray(diagonal, float)
+        self._preconditioner = _Blocks(diagonal) if diagonal.ndim == 3 else _Diagonal(diagonal.ravel().copy())
         self.prefix, self.iterations, self.failure = prefix, 0, None
         _prefixes.add(prefix)
         self._n = comm.allreduce(n_local)
@@ -109,7 +111,7 @@ class LinearSolver:
         self._ksp.setOptionsPrefix(prefix)
         self._ksp.setOperators(operator)
         self._ksp.getPC().setType("python")
-        self._ksp.getPC().setPythonContext(_Diagonal(np.asarray(diagonal, float).ravel().copy()))
+        self._ksp.getPC().setPythonContext(self._preconditioner)
         self._ksp.setType(defaults.kind)
         self._ksp.setTolerances(rtol=defaults.tolerance, atol=1e-300, max_it=defaults.iterations)
         if defaults.kind == "richardson":
@@ -131,6 +133,17 @@ class LinearSolver:
         self.iterations = self._ksp.getIterationNumber()
         self.failure = self.failure or _diverged(self._ksp, self.prefix)
         return self._x.getArray().copy()
+
+    def aim(self, tolerance):
+        """Set the relative tolerance of the next solves, unless an option gives it. Local."""
+        from petsc4py import PETSc
+
+        if not PETSc.Options().hasName(f"{self.prefix}ksp_rtol"):
+            self._ksp.setTolerances(rtol=tolerance)
+
+    def precondition(self, blocks):
+        """Take other inverse blocks, (n, d, d). Local."""
+        self._preconditioner.blocks = blocks
 
     def condition(self):
         """Return an estimate, from below, of the condition number of the preconditioned operator, from CG's iterations for one right side. Collective."""
@@ -353,3 +366,15 @@ class _Diagonal:
     def apply(self, preconditioner, x, y):
         """y = D^-1 x."""
         np.divide(x.getArray(readonly=True), self._diagonal, out=y.getArray())
+
+
+class _Blocks:
+    """PETSc's context of a preconditioner of blocks whose inverses are given, (n, d, d)."""
+
+    def __init__(self, blocks):
+        self.blocks = blocks
+
+    def apply(self, preconditioner, x, y):
+        """y = B^-1 x."""
+        parts = x.getArray(readonly=True).reshape(self.blocks.shape[:2])
+        np.einsum("nab,nb->na", self.blocks, parts, out=y.getArray().reshape(parts.shape))

@@ -75,3 +75,18 @@ def test_work_is_that_of_each_particles_volume_or_of_its_copys_share():
 def test_nothing_acts_without_conditions():
     problem = problem_of(plate((4, 4)))
     assert ParticleConditions(problem.subdomain.particles, problem.body.law.density).external_work().size == 0
+
+
+@pytest.mark.parametrize("path", PATHS)
+def test_prescribed_displacements_are_placed_and_known(path):
+    text = plate((10, 4), extra=PUSH.format(function="ramp", more=", end = 4.0").replace("velocity", "displacement"))
+    problem = problem_of(text, [f"particles.path={path}"])
+    conditions, particles = problem.conditions, problem.subdomain.particles
+    left, held = problem.subdomain.places()[:, 0] < -3.0, conditions.held()
+    assert np.array_equal(held[:, 0], left) and not held[:, 1].any()
+    particles.put(particles.displacement, np.full((40, 2), 0.5))
+    conditions.place(2.0, 0.25)  # value 0.01, half of it at t = 2
+    u = particles.owned(particles.displacement)
+    assert u[left, 0] == pytest.approx(0.5 + 0.25 * (0.005 - 0.5)) and np.all(u[~left] == 0.5) and np.all(u[:, 1] == 0.5)
+    conditions.place(2.0)
+    assert np.all(particles.owned(particles.displacement)[left, 0] == 0.005)

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from pdhpc.parallel.comm import agree_on_error, exact_sum, on_root
+from pdhpc.parallel.comm import Sums, agree_on_error, exact_sum, exact_sums, on_root
 
 
 def test_exact_sum_agrees_with_fsum_in_any_order(comm):
@@ -23,6 +23,19 @@ def test_exact_sum_of_awkward_values(comm):
     assert exact_sum(comm, np.array([1.0, 2.0**-60, -1.0])) == 2.0**-60
     assert math.isnan(exact_sum(comm, np.array([1.0, np.nan])))
     assert math.isnan(exact_sum(comm, np.array([1.0, np.inf])))
+
+
+def test_several_sums_are_those_of_each_row(comm):
+    random = np.random.default_rng(2)
+    rows = random.standard_normal((4, 1000)) * 10.0 ** random.integers(-12, 12, (4, 1000))
+    rows[1] *= 1e-200
+    rows[2] = 0.0
+    assert exact_sums(comm, rows) == [exact_sum(comm, row) for row in rows] == Sums(comm).of(rows)
+    rows[3, 7] = np.nan
+    found = exact_sums(comm, rows)
+    assert found[:3] == [exact_sum(comm, row) for row in rows[:3]] and math.isnan(found[3]), "a row that is not finite spoils no other"
+    assert exact_sums(comm, np.empty((2, 0))) == [0.0, 0.0]
+    assert Sums(comm).count(3) == 3 * comm.size and Sums(comm).largest(-2.5) == -2.5
 
 
 def test_errors_pass_through(comm):

@@ -38,6 +38,42 @@ def test_failures_say_what_petsc_means(comm, matrix, most, words):
     assert words in str(caught.value), caught.value
 
 
+def blocks_of(matrix):
+    """Inverses of its diagonal blocks of 2 x 2."""
+    return np.array([np.linalg.inv(matrix[k : k + 2, k : k + 2]) for k in range(0, len(matrix), 2)])
+
+
+def test_blocks_precondition(comm):
+    """A matrix of nothing but its blocks is solved in one iteration; other blocks can be given later."""
+    matrix = np.kron(np.diag([1.0, 100.0]), [[2.0, 1.0], [1.0, 3.0]])
+    solver = LinearSolver(comm, "test_", Defaults("cg", 1e-12), 4, lambda x: matrix @ x, np.tile(np.eye(2), (2, 1, 1)))
+    right = np.array([1.0, 2.0, 3.0, 4.0])
+    assert matrix @ solver.solve(right) == pytest.approx(right) and solver.iterations > 1
+    solver.precondition(blocks_of(matrix))
+    assert matrix @ solver.solve(right) == pytest.approx(right) and solver.iterations == 1
+    assert LinearSolver(comm, "test_", Defaults("minres", 1e-12), 4, lambda x: matrix @ x, blocks_of(matrix)).solve(right) == pytest.approx(np.linalg.solve(matrix, right))
+
+
+def test_a_solve_aims_as_told_unless_an_option_says_otherwise(comm):
+    from petsc4py import PETSc
+
+    random = np.random.default_rng(0).standard_normal((40, 40))
+    matrix, right = random @ random.T + np.eye(40), np.ones(40)
+    solver, counts = LinearSolver(comm, "test_", Defaults("cg"), 40, lambda x: matrix @ x, np.ones(40)), []
+    for tolerance in (1e-1, 1e-9):
+        solver.aim(tolerance)
+        solver.solve(right)
+        counts.append(solver.iterations)
+    assert counts[0] < counts[1]
+    PETSc.Options()["test_ksp_rtol"] = 1e-9
+    try:
+        solver.aim(1e-1)
+        solver.solve(right)
+    finally:
+        PETSc.Options().delValue("test_ksp_rtol")
+    assert solver.iterations == counts[1]
+
+
 def test_nothing_to_solve(comm):
     assert len(LinearSolver(comm, "test_", Defaults("cg"), 0, lambda x: x, np.empty(0)).solve(np.empty(0))) == 0
 
