@@ -59,6 +59,11 @@ def _speed_rows(record):
         if f"{name}_steps_per_second_and_core" in record:
             rate = record[f"{name}_steps_per_second_and_core"]
             rows.append(("speed", "-" if rate is None else f"{rate / 1e6:.3f} million {name}-steps per second and core"))
+    if "equilibrium" in record:
+        found = record["equilibrium"]
+        ksp = f" ({found['ksp_iterations']:,} of the KSP)" if found["ksp_iterations"] else ""
+        rows.append(("equilibria", f"{found['equilibria']:,} by {record['method']} in {found['iterations']:,} iterations{ksp}, residual at most {found['largest_residual']:.2g}"
+                                   f" of {found['reference_force']:.4g} N at the end of a load step"))
     if record.get("ksp_iterations"):
         rows.append(("KSP iterations", f"{record['ksp_iterations']:,}"))
     return rows
@@ -113,17 +118,34 @@ def print_check(scene, ranks):
         ("path", found.path),
         ("bonds", f"{about}{found.bonds:,} (at most {found.neighbours} neighbours)"),
         *(("critical stretch", f"{material}: {text}") for material, text in found.critical_stretch),
-        ("critical step", f"{found.critical_dt:.6g} s (sqrt(2 rho / |A|), A the stiffness tensor of a particle's bonds{' and contact' if found.contact else ''}: a lower bound)"),
-        *found.contact,
-        *_region_rows(found),
-        ("step" if not found.regions else "macro step", f"{found.dt:.6g} s"),
-        ("steps", f"{found.steps:,}"),
+        *(_load_rows(scene, found) if scene.stands_still else _step_rows(found)),
         ("ranks", str(found.ranks)),
         ("memory per rank", f"about {_size(found.memory)}"),
         ("estimated time", f"about {_duration(found.seconds)} (kernels at {found.rate / 1e6:.0f} million bonds per second and core, measured now)"),
     ])
     for warning in found.warnings:
         print(f"warning: {warning}")
+
+
+def _step_rows(found):
+    """Return what `check` says of time steps."""
+    return [
+        ("critical step", f"{found.critical_dt:.6g} s (sqrt(2 rho / |A|), A the stiffness tensor of a particle's bonds{' and contact' if found.contact else ''}: a lower bound)"),
+        *found.contact,
+        *_region_rows(found),
+        ("step" if not found.regions else "macro step", f"{found.dt:.6g} s"),
+        ("steps", f"{found.steps:,}"),
+    ]
+
+
+def _load_rows(scene, found):
+    """Return what `check` says of load steps."""
+    return [
+        ("method", f"{scene.method}, no critical step"),
+        ("load steps", f"{found.steps:,} of {found.dt:.6g} s"),
+        ("evaluations of forces", f"about {found.evaluations:,} in each equilibrium, if the body's slowest motion is a stretch of its longest side (bending takes more), and as "
+                                  "many again whenever bonds break"),
+    ]
 
 
 def _print_mesh_check(scene, ranks):

@@ -203,7 +203,7 @@ def _compile_first_on_each_node(comm, scene):
     """Let one rank of each node compile the kernels into the cache before the others load them; what fails there is raised on every rank. Collective."""
     from mpi4py import MPI
 
-    if scene.uses_mesh:
+    if scene.uses_mesh or scene.method == "newton":
         start_petsc()
     node = comm.Split_type(MPI.COMM_TYPE_SHARED)
     with agree_on_error(comm):
@@ -215,7 +215,7 @@ def _compile_first_on_each_node(comm, scene):
 def _compile(scene, comm):
     """Compile the kernels that a scene uses; comm : of this process alone. Local."""
     from pdhpc.scene.mesh_warm_up import compile_coupled, compile_mesh
-    from pdhpc.warm_up import compile_coupling, compile_fragments, compile_interactions, compile_kernels, compile_points, variant_of
+    from pdhpc.warm_up import compile_coupling, compile_equilibrium, compile_fragments, compile_interactions, compile_kernels, compile_points, variant_of
 
     if scene.uses_mesh:
         (compile_mesh if scene.model == "fem" else compile_coupled)(scene, comm)
@@ -223,7 +223,9 @@ def _compile(scene, comm):
         path, model, linear = path_of(scene), scene.material[0].model, scene.particles.kinematics == "linear"
         variant = variant_of(law_of(scene), scene.particles.surface_correction)
         compile_kernels((scene.dim,), (path,), (model,), (linear,), variant)
-        if scene.method != "single":
+        if scene.stands_still:
+            compile_equilibrium(scene.dim, path, model, linear, variant)
+        elif scene.method != "single":
             compile_coupling(scene.dim, path, model, linear)
         if scene.fragments is not None:
             compile_fragments(scene.dim, path)

@@ -1,9 +1,11 @@
 """Compile the kernels of a run on a tiny body, so that one process per node fills the cache before the others read it."""
+import contextlib
 import itertools
 from typing import NamedTuple
 
 import numpy as np
 
+from pdhpc.conditions.conditions import ParticleConditions
 from pdhpc.conditions.impactors import PLANE, Impactor
 from pdhpc.conditions.loads import BodyForce, PrescribedMotion
 from pdhpc.conditions.time_functions import Constant
@@ -28,16 +30,20 @@ from pdhpc.mts.strip import LinearForces, Strip
 from pdhpc.parallel.comm import compile_exact_sum
 from pdhpc.parallel.exact import ExactSums
 from pdhpc.parallel.ghosts import compile_messages
+from pdhpc.parallel.linear_solver import SolverError
 from pdhpc.parallel.partition import Partition
 from pdhpc.parallel.vicinity import Vicinity
 from pdhpc.peridynamics.bonds import cut_by_cracks
 from pdhpc.peridynamics.contact import Contact
 from pdhpc.peridynamics.critical_step import stable_step
 from pdhpc.peridynamics.crowding import find_crowded
+from pdhpc.peridynamics.equilibrium import LoadPath
 from pdhpc.peridynamics.fields import field, strain_energy_density
 from pdhpc.peridynamics.impact import Impact
 from pdhpc.peridynamics.internal_forces import InternalForces
 from pdhpc.peridynamics.lattice_subdomain import make_lattice_subdomain, sample_lattice
+from pdhpc.peridynamics.newton import Newton
+from pdhpc.peridynamics.relaxation import Relaxation
 from pdhpc.peridynamics.subdomain import make_subdomain, mark_mixed
 from pdhpc.peridynamics.surface import correct_surfaces
 from pdhpc.scene.face_area import area_over_volume
@@ -181,6 +187,35 @@ def compile_interactions(dim, path, model, comm, resists, variant=Variant()):
         each.ledger()
     contact.measure_stiffness()
     compile_messages(np.zeros((1, dim)), np.zeros((1, 2 * dim)))
+
+
+def compile_equilibrium(dim, path, model, linear, variant=Variant()):
+    """Call every kernel of bodies that stand still once. Local."""
+    subdomain, law = block(dim, 4, 2.0, linear, path, model, variant)
+    particles = subdomain.particles
+    subdomain.particles.place()
+    conditions = ParticleConditions(particles, law.density, [], [PrescribedMotion(particles.slots[:1], [0], [0.0], Constant(), "displacement")])
+    sums, path = Alone(), LoadPath(1.0, 0.5, 2, variant.failure == "stretch" and not variant.softening, 1, 1e-3, 1)
+    relaxation, newton = (method(subdomain, law, conditions, NoGhosts, sums, path) for method in (Relaxation, Newton))
+    with contextlib.suppress(SolverError):  # of rounding, which no iteration brings to rest
+        relaxation.advance()
+    for part in (relaxation._damping, lambda: relaxation._account(True), relaxation._break_bonds):
+        part()
+    newton.make_solver(lambda n, apply, blocks: apply(np.zeros(n)))
+
+
+class Alone:
+    """The sums of one process."""
+
+    def of(self, values):
+        """Return the sum of each row."""
+        return values.sum(axis=1)
+
+    def count(self, number):
+        """Return the number."""
+        return number
+
+    largest = count
 
 
 class NoExchange:

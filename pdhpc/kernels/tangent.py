@@ -1,8 +1,8 @@
 """Sweeps over the stiffness of the bonds as they are: blocks of its diagonal, and how near bonds are to breaking. None breaks here."""
 from pdhpc.jit import sweep
 from pdhpc.kernels import cloud, lattice, shared  # noqa: F401  (they fill the functions of family.py in)
-from pdhpc.kernels.family import bond_strain, end_of_bonds, first_bond, inverse_length, is_alive, neighbour, reference_vector, stretch_of
-from pdhpc.materials.law import bond_weight, far_end, moduli, near_end, stiffness
+from pdhpc.kernels.family import bond_strain, end_of_bonds, first_bond, inverse_length, is_alive, neighbour, reference_vector, share, stretch_of
+from pdhpc.materials.law import bond_weight, far_end, moduli, near_end, stiffness, weighting_between
 
 
 @sweep
@@ -21,7 +21,8 @@ def stiffness_blocks(bonds, points, law, state, third, slots, bounded, result):
                 along, inv_l = reference_vector(bonds, points, i, j, k, third), inverse_length(bonds, i, k)
                 c, _ = moduli(law, near_end(law, points, state, i, j), far_end(law, state, j))
                 c = stiffness(law, points.block[i], c) if bounded else c
-                part = c * bond_weight(law, inv_l) * points.volume[j] * inv_l * inv_l
+                weight = bond_weight(law, weighting_between(law.weighting, points.block[i], points.block[j]), inv_l) * share(bonds, i, k)
+                part = c * weight * points.volume[j] * inv_l * inv_l
                 for b in range(dim):
                     for a in range(dim):
                         result[n, a, b] += part * along[a] * along[b]
@@ -29,7 +30,10 @@ def stiffness_blocks(bonds, points, law, state, third, slots, bounded, result):
 
 @sweep
 def largest_stretch(bonds, points, law, linear, third, slots):
-    """Return the largest s/s0 of the intact bonds of `slots` (n,): above 1 where a bond is to break; 0 without bonds that may."""
+    """Return the largest s/s0 of the intact bonds of `slots` (n,): above 1 where a bond is to break; 0 without bonds that may.
+
+    Of bonds that break by a critical stretch of their blocks (materials/failure.py: StretchLimit).
+    """
     largest = 0.0
     for n in range(len(slots)):
         i = slots[n]

@@ -31,12 +31,17 @@ class Progress(Observer):
             self._task = self._bar.add_task("", total=self.n_steps, at="")
 
     def observe(self, stepper):
-        """Move the bar, or print a line every tenth of the run."""
+        """Move the bar, or print a line every tenth of the run; every time where a stepper has something to say of its last step."""
         if self._bar:
-            self._bar.update(self._task, completed=stepper.step, at=f"t = {stepper.time:.3e} s")
-        elif stepper.step * _LINES // self.n_steps > (stepper.step - self.every) * _LINES // self.n_steps:
+            self._bar.update(self._task, completed=stepper.step, at=f"t = {stepper.time:.3e} s{self._note(stepper)}")
+        elif self._note(stepper) or stepper.step * _LINES // self.n_steps > (stepper.step - self.every) * _LINES // self.n_steps:
             elapsed = time.perf_counter() - self._started
-            print(f"step {stepper.step}/{self.n_steps}  t = {stepper.time:.4e} s  {elapsed:.1f} s elapsed  {stepper.step / elapsed:.1f} steps/s", flush=True)
+            print(f"step {stepper.step}/{self.n_steps}  t = {stepper.time:.4e} s  {elapsed:.1f} s elapsed  {stepper.step / elapsed:.1f} steps/s{self._note(stepper)}", flush=True)
+
+    def _note(self, stepper):
+        """Return what the stepper says of its last step, if it says anything."""
+        note = getattr(stepper, "note", "")
+        return f"  {note}" if note else ""
 
     def close(self):
         """Take the bar down, also after a failure."""

@@ -6,18 +6,20 @@ import numpy as np
 
 from pdhpc.kernels import tangent as loops
 from pdhpc.kernels.lattice import LatticeArrays
+from pdhpc.materials.failure import StretchLimit
 from pdhpc.peridynamics.internal_forces import InternalForces
 
 _STRAIN = 3e-4
 
 
 def unbreakable(subdomain, law):
-    """Return (Subdomain, law) of the same particles and bonds, whose sweeps break none. Local."""
+    """Return (Subdomain, law) of the same particles and bonds, whose sweeps break none, whatever limits the law has. Local."""
     arrays, other = subdomain.bonds.arrays, copy(subdomain)
     if isinstance(arrays, LatticeArrays):
         arrays = arrays._replace(trigger=np.full_like(arrays.trigger, np.inf))
     other.bonds = replace(subdomain.bonds, arrays=arrays)
-    return other, law._replace(break_at=np.full_like(law.break_at, np.inf))
+    other.points = subdomain.points._replace(raised=np.empty(0))
+    return other, law._replace(break_at=np.full_like(law.break_at, np.inf), failure=StretchLimit())
 
 
 def stiffness_blocks(subdomain, law, bounded=False):

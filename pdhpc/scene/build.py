@@ -9,6 +9,7 @@ from pdhpc.scene.parts import make_part, partition_of
 from pdhpc.scene.problem import Problem
 from pdhpc.scene.regions import make_regions
 from pdhpc.scene.sections import section
+from pdhpc.scene.static import static_problem
 from pdhpc.scene.steps import choose_step
 
 
@@ -33,10 +34,12 @@ def build(scene, comm):
 def _build_particles(scene, comm):
     """Return the Problem of a scene of particles. Collective."""
     body = make_body(scene, comm)
-    if scene.method != "single":
+    if scene.method != "single" and not scene.stands_still:
         return _build_regions(scene, body, comm)
     part = make_part(scene, body, comm, partition_of(scene, body, comm))
     _furnish(scene, body, [part], comm)
+    if scene.stands_still:
+        return static_problem(scene, body, part, comm)
     critical = stiffer_step(scene, body, part.critical_dt)
     dt, n_steps, warnings = choose_step(scene, critical)
     if scene.fine is not None:

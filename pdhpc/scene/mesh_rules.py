@@ -1,6 +1,7 @@
 """Rules of scenes with finite elements: what each model needs, what it refuses, and what it leaves unused; see rules.py."""
 from pdhpc.scene.fields import Rule, show
 from pdhpc.scene.sections import section
+from pdhpc.scene.static_rules import unused_keys
 
 LARGEST_SHARE = 0.8  # of the critical step of the lumped mesh, up to which the coupled step is stable
 _LEAST_RATIO = 4  # spacings in a cell that particles enrich
@@ -185,7 +186,7 @@ def check_material(scene, where, material):
 
 def unused(scene):
     """Return a sentence for each table and key that the scene's model does not use and that changes nothing by it."""
-    model, sentences = scene.model, []
+    model, sentences = scene.model, unused_keys(scene)
 
     def leave(what, why):
         sentences.append(f"{what} is not used: {why}")

@@ -1,7 +1,7 @@
 """The mesh, the finite elements and their coupling with particles as tables of the scene."""
 from typing import Literal, Optional
 
-from pdhpc.scene.fields import AutoOrRatio, Flag, Fraction, NotNegative, Positive, Table, Text, key
+from pdhpc.scene.fields import AutoOrRatio, Flag, Fraction, NotNegative, Positive, Table, Text, Whole, key
 
 
 class Mesh(Table):
@@ -45,6 +45,19 @@ class Gfem(Table):
         "||eta - P eta|| / ||eta|| > tolerance", default=None)
     substeps: AutoOrRatio = key('k, steps of the local particles in a global step; "auto": each at most 0.57 of the critical step of particles, so 4 at H/h = 5 and 6 at 10', "1", default="auto")
     everywhere: Flag = key("particles in the whole body from the start", default=False)
+
+
+class Static(Table):
+    """How a body is brought from one equilibrium to the next, with time.method = "relaxation" or "newton"."""
+
+    steps: Optional[Whole] = key("load steps, equal parts of time.end (default: one for each frame)", "1", default=None)
+    tolerance: Fraction = key(
+        "residual at which a body is in equilibrium", "1", "|V (f + b)|, free components, over the larger of |V b| there and |V (f + b)| of supports, the largest so far",
+        default=1e-6)
+    iterations: Optional[Whole] = key("most iterations in an equilibrium (default: 100000 of relaxation, 30 of newton)", "1", default=None)
+    breaking: Literal["all", "most_strained"] = key(
+        "which bonds break in an equilibrium: all beyond their limit, or of them those within 1 % of the largest s/s0; then equilibrium is found again", default="all")
+    equilibria: Whole = key("most equilibria in a load step: a body whose bonds break in each of them ends the run", "1", default=500)
 
 
 ACTIVATION, TOLERANCE = 0.6, 0.02  # unless the scene says otherwise

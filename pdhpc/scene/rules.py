@@ -5,6 +5,7 @@ from pdhpc.scene.fields import Rule, check_direction, check_vector
 from pdhpc.scene.overlap import distance, meet, overlap, reaches
 from pdhpc.scene.schema import COMPONENTS, KIND, POISSONS_RATIO
 from pdhpc.scene.sections import named, reference, section, within
+from pdhpc.scene.static_rules import check_static
 
 _WHOLE = 1e-6  # of a spacing: how closely a box must hold a whole number of cells, and bodies may overlap
 _MOST_CELLS = 2**53
@@ -31,6 +32,7 @@ def check(scene):
     _check_cracks(scene)
     _check_loads(scene)
     _check_time(scene)
+    check_static(scene)
     _check_fine(scene)
     check_contact(scene)
     _check_output(scene)
@@ -212,8 +214,8 @@ def _check_time(scene):
 def _check_fine(scene):
     fine, method = scene.fine, scene.time.method
     if fine is None:
-        if method not in ("auto", "single"):
-            raise Rule("time.method", f'"{method}" without a fine region', '"auto" or "single", or a table [fine]')
+        if method not in ("auto", "single") and not scene.stands_still:
+            raise Rule("time.method", f'"{method}" without a fine region', '"auto", "single", "relaxation" or "newton", or a table [fine]')
         return
     within("fine", fine.check, scene.dim)
     if not any(body.file is not None or reaches(fine, body.bounding_box()) for body in scene.body):

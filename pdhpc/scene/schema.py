@@ -1,4 +1,5 @@
 """The scene: every key with its meaning, unit and source. The rules between keys stand in rules.py."""
+import math
 from typing import Annotated, List, Literal, Optional
 
 from pydantic import PrivateAttr, model_validator
@@ -9,10 +10,11 @@ from pdhpc.scene.fields import (
     AutoOrPositive, Filled, Flag, Fraction, Listed, Name, Names, NotNegative, Number, Numbers, Positive, Share, Table, Text, Vector, Whole, key, show,
 )
 from pdhpc.scene.loads import Initial, Load
-from pdhpc.scene.methods import ACTIVATION, TOLERANCE, Fem, Gfem, Mesh
+from pdhpc.scene.methods import ACTIVATION, TOLERANCE, Fem, Gfem, Mesh, Static
 from pdhpc.scene.shapes import Body, Fine, Region
 
 GFEM_SAFETY = 0.75  # share of the critical step of the lumped mesh that model = "gfem" takes
+STANDING = {"relaxation": 100_000, "newton": 30}  # methods by which a body stands still, and the most iterations in an equilibrium unless the scene says
 FRAMES = 20  # frames when the scene does not say when
 POISSONS_RATIO = {"plane_stress": 1 / 3, "plane_strain": 1 / 4, "3d": 1 / 4}
 COMPONENTS = {
@@ -98,10 +100,10 @@ class TimeSpan(Table):
         'time step, with a fine region that of the rest; "auto": safety times the critical step', "s",
         "dt_c = sqrt(2 min rho/|A|), A = sum c omega beta V/|xi| e (x) e (bound on the assembled bonds)", default="auto")
     safety: Share = key('share of the critical step that auto takes, at most 1; with model = "gfem" 0.75 by default and at most 0.8', "1", default=0.9)
-    method: Literal["auto", "single", "mts", "subcycling", "micro"] = key(
-        "single: one step for the whole body; mts: the fine region at its own step, coupled by multipliers; for comparison subcycling: at its own step, with "
+    method: Literal["auto", "single", "mts", "subcycling", "micro", "relaxation", "newton"] = key(
+        "relaxation, newton: the body stands still in equilibrium at each load step, see [static]; single: one step for the whole body; mts: the fine region at its own step, coupled by multipliers; for comparison subcycling: at its own step, with "
         "ghosts in between interpolated, and micro: multipliers at each of its steps; auto: mts with a fine region, single without", "",
-        "Lindsay, Parks & Prakash 2016; Gravouil & Combescure 2001", default="auto")
+        "Lindsay, Parks & Prakash 2016; Gravouil & Combescure 2001; Kilic & Madenci 2010", default="auto")
     error: Positive = key('share of the phase of the shortest resolved wave that the fine region may lose per radian, for step_ratio = "auto"', "1", default=1e-3)
     allow_unstable: Flag = key("accept a dt above the critical step", default=False)
 
@@ -184,6 +186,7 @@ class Scene(Table):
     load: Annotated[List[Load], Listed] = key("loads and prescribed motions", default=[])
     initial: Annotated[List[Initial], Listed] = key("initial states", default=[])
     time: TimeSpan = key("time integration")
+    static: Optional[Static] = key("load steps of bodies that stand still", default=None)
     output: Output = key("output", default=Output())
     probe: Annotated[List[Probe], Listed] = key("probes", default=[])
     curve: Annotated[List[Curve], Listed] = key("curves drawn from probes", default=[])
@@ -194,9 +197,14 @@ class Scene(Table):
     @model_validator(mode="before")
     @classmethod
     def _open_sections(cls, data):
-        """Give a scene with finite elements the tables [fem] and [gfem] of its model, where it leaves them out."""
-        needed = {"fem": ("fem",), "gfem": ("fem", "gfem")}.get(data.get("model")) if isinstance(data, dict) and isinstance(data.get("model"), str) else None
-        return {**{name: {} for name in needed}, **data} if needed else data
+        """Give a scene the tables [fem], [gfem] and [static] of its model and method, where it leaves them out."""
+        if not isinstance(data, dict):
+            return data
+        model, time = data.get("model"), data.get("time")
+        needed = {"fem": ("fem",), "gfem": ("fem", "gfem")}.get(model, ()) if isinstance(model, str) else ()
+        if isinstance(time, dict) and time.get("method") in list(STANDING):
+            needed += ("static",)
+        return {**{name: {} for name in needed}, **data}
 
     @property
     def uses_mesh(self):
@@ -256,6 +264,18 @@ class Scene(Table):
         return "single" if self.fine is None else "mts"
 
     @property
+    def stands_still(self):
+        """Whether particles are brought to rest in load steps."""
+        return self.model == "particles" and self.time.method in STANDING
+
+    @property
+    def load_steps(self):
+        """Number of load steps of bodies that stand still."""
+        if self.static.steps is not None:
+            return self.static.steps
+        return self.output.frames or (FRAMES if self.output.every is None else math.ceil(self.time.end / self.output.every * (1 - 1e-9)))
+
+    @property
     def overlap(self):
         """Width of the overlap of the fine region, horizons."""
         return self.fine.overlap or (2.0 if self.material[0].model == "lps" else 1.0)
@@ -291,7 +311,10 @@ class Scene(Table):
         return data
 
     def _resolve_method(self, data):
-        """Fill in the defaults of the finite elements and of their coupling with particles."""
+        """Fill in the defaults of load steps, of the finite elements and of their coupling with particles."""
+        if self.stands_still:
+            data["static"].setdefault("steps", self.load_steps)
+            data["static"].setdefault("iterations", STANDING[self.time.method])
         if self.uses_mesh:
             data["fem"].setdefault("moduli", self.moduli)
         if self.model == "gfem":
@@ -314,6 +337,8 @@ class Scene(Table):
     def history_times(self):
         """Return the times of rows of history.csv after t = 0, beside those of frames, s."""
         every = self.output.history_every
+        if self.stands_still:
+            return [self.time.end * (number + 1) / self.load_steps for number in range(self.load_steps)]
         return [] if every is None else multiples(every, self.time.end)
 
 

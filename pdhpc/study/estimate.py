@@ -22,6 +22,7 @@ from pdhpc.scene.gauges import make_gauges
 from pdhpc.scene.interactions import contact_distance, contact_modulus, penalty, sizes_of, stiffer_step
 from pdhpc.scene.mesh_rules import unused
 from pdhpc.scene.regions import finite_margin, ratio_for, split_of
+from pdhpc.scene.static import load_path
 from pdhpc.scene.steps import choose_step
 from pdhpc.warm_up import NoGhosts, block, variant_of
 
@@ -74,6 +75,7 @@ class Estimate(NamedTuple):
     overlap: int  # particles that both regions hold
     undivided_dt: float  # critical step of the body as one
     contact: List[Tuple[str, str]]  # what "auto" is for contact and impactors; none without
+    evaluations: int = 0  # of forces in an equilibrium of bodies that stand still
 
 
 def estimate(scene, ranks=None):
@@ -87,27 +89,51 @@ def estimate(scene, ranks=None):
     family = family_size(scene.dim, ratio)
     cells = sum(_cells(lattice) for lattice in body.lattices)
     exact = cells * family <= _SMALL
-    whole = scene.model_copy(update={"time": scene.time.model_copy(update={"method": "single"}), "fine": None})
+    whole = scene if scene.stands_still else scene.model_copy(update={"time": scene.time.model_copy(update={"method": "single"}), "fine": None})
     if exact:
         particles, bonds, neighbours, critical, warnings = _built(whole, ranks)
     else:
         particles, bonds, neighbours, critical, warnings = _sampled(whole, body, family)
-    regions, m, overlap = [], 1, 0
-    if scene.method != "single":
+    regions, m, overlap, evaluations = [], 1, 0, 0
+    if scene.stands_still:
+        path = load_path(scene, body)
+        dt, steps, more, evaluations = path.dt, scene.load_steps, [], _evaluations(scene, body, path, critical)
+    elif scene.method != "single":
         regions, m, overlap, dt, steps, more = _regions(scene, body, ranks, exact, family, critical)
     else:
         dt, steps, more = choose_step(scene, critical)
     varied = any(lattice.sizes[0] < lattice.sizes[2] for lattice in body.lattices if isinstance(lattice, PointBody))
     rate = kernel_rate(scene, ratio, body.path.split(":")[0], body.law, varied)
-    memory = particles / ranks * _bytes_per_particle(scene, body, neighbours, ratio, particles / ranks) + _bytes_of_files(scene, body, ranks)
+    memory = particles / ranks * (_bytes_per_particle(scene, body, neighbours, ratio, particles / ranks) + _equilibrium_bytes(scene)) + _bytes_of_files(scene, body, ranks)
     work = sum(steps * region.bonds for steps, region in zip((1, m), regions)) if regions else bonds
-    seconds = 2 * work * steps / (rate * ranks)
+    seconds = 2 * work * steps * max(evaluations, 1) / (rate * ranks)
     if scene.contact is not None:
         seconds += _CONTACT_SECONDS * particles * steps / ranks
     stretch = critical_stretches(scene, body)
     smallest = min([critical, *(region.critical_dt for region in regions)])
     return Estimate(exact, particles, bonds, neighbours, stretch, smallest, dt, steps, ranks, memory, rate, seconds, unused(scene) + warnings + more, body.path, regions, m,
-                    overlap, critical, contact_settings(scene, body))
+                    overlap, critical, contact_settings(scene, body), evaluations)
+
+
+def _evaluations(scene, body, path, critical):
+    """Return about how many evaluations of forces an equilibrium takes.
+
+    Damped critically, a motion of frequency w fades like exp(-w t); of the slowest, a stretch of the longest side L with one end held, w = pi c/(2 L), and
+    relaxation takes the body's own critical steps where it is uniform: n = ln(1/tolerance)/(w dt). CG takes about half of it, twice that in finite kinematics, where an
+    iteration takes two evaluations, and Newton two of them.
+    """
+    speed = max(body.materials[number].wave_speed(setting) for number, setting in body.kinds)
+    count = math.log(1.0 / path.tolerance) * 2 * path.length * path.spacing / (math.pi * speed * critical)
+    share = 1.0 if scene.method == "relaxation" else 0.5 if scene.particles.kinematics == "linear" else 2.0
+    return max(1, round(share * count))
+
+
+def _equilibrium_bytes(scene):
+    """Return the memory of a particle that equilibria need beside that of steps in time: fields by component, preconditioner and Krylov vectors."""
+    if not scene.stands_still:
+        return 0
+    fields = 13 if scene.method == "relaxation" else 20 + scene.dim
+    return 8 * (fields * scene.dim + 12)
 
 
 def _regions(scene, body, ranks, exact, family, critical):
@@ -192,10 +218,11 @@ def _built(scene, ranks):
     from mpi4py import MPI
 
     problem = build(scene, MPI.COMM_SELF)
+    critical = problem.parts[0].critical_dt if scene.stands_still else problem.critical_dt
     make_gauges(problem, View(problem.subdomain, problem.body.law), MPI.COMM_SELF)
     bonds = problem.subdomain.bonds
     warnings = [] if ranks <= problem.subdomain.particles.n_owned else [f"{ranks} ranks for {problem.subdomain.particles.n_owned} particles: some own nothing"]
-    return problem.subdomain.particles.n_owned, bonds.n_directed // 2, int(bonds.family_size.max(initial=0)), problem.critical_dt, warnings
+    return problem.subdomain.particles.n_owned, bonds.n_directed // 2, int(bonds.family_size.max(initial=0)), critical, warnings + (problem.warnings if scene.stands_still else [])
 
 
 def _sampled(scene, body, family):

@@ -28,7 +28,7 @@ from mpi4py import MPI
 from pdhpc import simulation
 from pdhpc.scene.read import read_scene
 from pdhpc.scene.body import law_of
-from pdhpc.warm_up import compile_coupling, compile_interactions, compile_kernels, compile_points, variant_of
+from pdhpc.warm_up import compile_coupling, compile_equilibrium, compile_interactions, compile_kernels, compile_points, variant_of
 
 def compiled():
     found = set()
@@ -45,7 +45,9 @@ scene = read_scene(scene, overrides)
 assert all(material.model == model for material in scene.material)
 variant = variant_of(law_of(scene), scene.particles.surface_correction)
 compile_kernels((scene.dim,), (path,), (model,), variant=variant)
-if scene.fine is not None:
+if scene.stands_still:
+    compile_equilibrium(scene.dim, path, model, scene.particles.kinematics == "linear", variant)
+elif scene.fine is not None:
     compile_coupling(scene.dim, path, model, scene.particles.kinematics == "linear")
 elif scene.contact is not None or scene.impactor:
     compile_interactions(scene.dim, path, model, MPI.COMM_SELF, True, variant)
@@ -62,7 +64,7 @@ for each in sorted(compiled() - before):
 
 @pytest.mark.parametrize("path", PATHS)
 @pytest.mark.parametrize("name, model, short", [("everything_2d.toml", "pmb", ("end = 1.0\n", "end = 1e-3\n")), ("everything_3d.toml", "lps", ("end = 1.0\n", "end = 5e-5\n")),
-                                                ("everything_contact.toml", "pmb", ("end = 1.0\n", "end = 2e-3\n"))])
+                                                ("everything_contact.toml", "pmb", ("end = 1.0\n", "end = 2e-3\n")), ("everything_static.toml", "pmb", ("steps = 4", "steps = 3"))])
 def test_a_run_compiles_nothing_that_the_warm_up_left_out(path, name, model, short, tmp_path, request):
     """One process per node compiles; kernels it leaves out would be compiled by every rank."""
     text = (request.path.parent / "scene" / name).read_text()

@@ -21,7 +21,7 @@ except ModuleNotFoundError:
 
 HERE = Path(__file__).resolve().parent
 RUNS = HERE.parents[2] / "runs"
-EVERYTHING = [HERE / f"everything_{name}.toml" for name in ("2d", "3d", "fem", "gfem", "fragments", "files", "contact")]
+EVERYTHING = [HERE / f"everything_{name}.toml" for name in ("2d", "3d", "fem", "gfem", "fragments", "files", "contact", "static")]
 
 
 def all_models(model=Scene, seen=None):

@@ -7,7 +7,9 @@ from pdhpc.study import estimate as module
 from pdhpc.study.estimate import family_size, estimate
 from pdhpc.study.verify.bodies import cracked, write_cells, write_table
 from pdhpc.study.verify.case import plate, problem_of
+from pdhpc.study.verify.static import METHODS, still
 from pdhpc.warm_up import PATHS
+from tests.unit.peridynamics.test_relaxation import STRETCH
 
 NO_FAIL = '[[region]]\nname = "part"\nshape = "half_space"\npoint = [{x}, 0.0]\nnormal = [1.0, 0.0]\n[damage]\nno_fail = ["part"]\n'
 
@@ -112,3 +114,17 @@ def test_memory_of_contact_is_what_it_takes(dimension, cells, material, contact)
     peak = tracemalloc.get_traced_memory()[1] / np.prod(cells)
     tracemalloc.stop()
     assert peak / module._contact_bytes(parse_scene(text, "t")) == pytest.approx(1.0, abs=0.25)
+
+
+@pytest.mark.parametrize("small", [1e9, 0])
+@pytest.mark.parametrize("method", METHODS)
+def test_equilibria_are_estimated_without_a_critical_step(monkeypatch, method, small):
+    """Within a factor of 4 of the evaluations that a stretch takes, whether the body is built or not."""
+    monkeypatch.setattr(module, "_SMALL", small)
+    text = still((60, 12), method, extra=STRETCH, tolerance=1e-6, steps=5)
+    found, stepper = estimate(parse_scene(text, "t")), problem_of(text).stepper()
+    stepper.advance()
+    taken = stepper.internal.bond_evaluations / stepper.subdomain.bonds.n_directed + stepper.ksp_iterations
+    assert taken / 4 < found.evaluations < 4 * taken
+    assert found.steps == 5 and found.dt == pytest.approx(0.2) and found.seconds > 0 and not found.regions
+    assert found.memory > estimate(parse_scene(text, "t", ["time.method=single"])).memory
