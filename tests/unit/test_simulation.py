@@ -7,7 +7,7 @@ from pdhpc.output.fields import frame_times, read_frame, read_points
 from pdhpc.output.history import read_history
 from pdhpc.output.record import OutputError
 from pdhpc.run import RunError
-from pdhpc.scene.read import parse_scene
+from pdhpc.scene.read import parse_scene, read_scene
 from pdhpc.simulation import Simulation
 from pdhpc.study.verify.case import plate
 from pdhpc.study.verify.fracture import GROWING_CRACK
@@ -141,3 +141,25 @@ def test_a_solver_that_fails_ends_with_an_error_and_a_record(tmp_path, comm):
     finally:
         PETSc.Options().delValue("gfem_ksp_max_it")
     assert "gfem_ did not converge" in json.loads((tmp_path / "run.json").read_text())["error"]
+
+
+@pytest.mark.parametrize("method", ("relaxation", "newton"))
+def test_a_body_that_stands_still_leaves_what_others_do(tmp_path, comm, method, request):
+    scene = read_scene(request.path.parent / "scene" / "everything_static.toml", [f"time.method={method}", "static.iterations=10000"])
+    record = Simulation(scene, comm).run(tmp_path / "out", quiet=True)
+    assert json.loads((tmp_path / "out" / "run.json").read_text())["status"] == record["status"] == "done"
+    assert record["method"] == method and record["steps"] == record["steps_planned"] == 4 and record["balance_error_relative"] < 1e-4
+    found = record["equilibrium"]
+    assert found["equilibria"] > 4 and found["largest_residual"] <= found["tolerance"] == 1e-8 and found["reference_force"] > 0 and record["warnings"] == []
+    assert (found["ksp_iterations"] > 0) == (method == "newton") and record["coupling"] is None and record["broken_bonds"] > 0
+    history = read_history(tmp_path / "out" / "history.csv")
+    assert history["time [s]"].tolist() == [0.0, 0.25, 0.5, 0.75, 1.0] and history["residual"].max() <= 1e-8 and history["broken_in_step"].sum() == record["broken_bonds"]
+    assert history["end.displacement_x [m]"] == pytest.approx(0.2 * history["time [s]"]) and history["grip.reaction_x [N]"][1] > 0
+    assert [time for _, _, time in frame_times(tmp_path / "out")] == [0.0, 0.5, 1.0]
+
+
+def test_an_equilibrium_that_is_not_found_ends_with_an_error_and_a_record(tmp_path, comm, request):
+    scene = read_scene(request.path.parent / "scene" / "everything_static.toml", ["static.equilibria=2"])
+    with pytest.raises(RunError, match="bonds break in each of 2 equilibria"):
+        Simulation(scene, comm).run(tmp_path / "out", quiet=True)
+    assert "bonds break in each of 2 equilibria" in json.loads((tmp_path / "out" / "run.json").read_text())["error"]

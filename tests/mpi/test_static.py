@@ -1,0 +1,70 @@
+"""Bodies that stand still, on all ranks against one: the same bits by relaxation, to the tolerance of equilibria by Newton; bonds break alike."""
+import numpy as np
+import pytest
+
+from pdhpc.run import RunError
+from pdhpc.scene.read import parse_scene
+from pdhpc.scene.schema import SceneError
+from pdhpc.simulation import Simulation
+from pdhpc.study.verify.static import notched, still
+from tests.mpi.test_simulation import PATHS, gathered
+
+
+def both(comm, text, overrides=()):
+    """Run a scene on all ranks and on one; return [(record, fields of the whole body sorted by id)]."""
+    from mpi4py import MPI
+
+    found = []
+    for ranks in (comm, MPI.COMM_SELF):
+        simulation = Simulation(parse_scene(text, "strip", list(overrides)), ranks)
+        record = simulation.run(quiet=True)
+        found.append((record, gathered(ranks, simulation)))
+    return found
+
+
+@pytest.mark.mpi(min_size=2)
+@pytest.mark.parametrize("path", PATHS)
+@pytest.mark.parametrize("model, kinematics, breaking", [("pmb", "linear", "all"), ("pmb", "finite", "most_strained"), ("lps", "finite", "all")])
+def test_relaxation_has_the_same_bits(comm, path, model, kinematics, breaking):
+    (record, fields), (alone, expected) = both(comm, notched("relaxation", breaking, model, kinematics, 3, (26, 15)), [f"particles.path={path}"])
+    for name, values in fields.items():
+        assert np.array_equal(values, expected[name]), name
+    for name in ("energies", "broken_bonds", "equilibrium", "bond_evaluations"):
+        assert record[name] == alone[name], name
+    assert record["broken_bonds"] > 50 and record["ghosts"] > 0
+
+
+@pytest.mark.mpi(min_size=2)
+@pytest.mark.parametrize("path", PATHS)
+@pytest.mark.parametrize("model, kinematics", [("pmb", "linear"), ("lps", "finite")])
+def test_newton_finds_the_same_equilibria(comm, path, model, kinematics):
+    """Displacements agree to 1e-5 of the largest at a residual of 1e-7; the bonds are the same."""
+    (record, fields), (alone, expected) = both(comm, notched("newton", "all", model, kinematics, 3, (26, 15)), [f"particles.path={path}"])
+    assert np.array_equal(fields["alive"], expected["alive"]) and record["broken_bonds"] == alone["broken_bonds"] > 50
+    scale = np.abs(expected["displacement"]).max()
+    assert np.abs(fields["displacement"] - expected["displacement"]).max() < 1e-5 * scale
+    assert record["energies"]["external_work"] == pytest.approx(alone["energies"]["external_work"], rel=1e-6)
+
+
+@pytest.mark.mpi(min_size=2)
+@pytest.mark.parametrize("method", ("relaxation", "newton"))
+def test_a_rank_without_particles_takes_part(comm, method):
+    extra = '[[load]]\ntype = "gravity"\nvalue = [1e-3, 0.0]\n'
+    text = still((4, 1), method, extra=extra).replace("horizon = 3.0", "horizon = 2.0").replace("point = [1.0, 0.0]", "point = [-1.0, 0.0]").replace("value = [0.0, 0.0]", 'value = [0.0, 0.0]', 1)
+    text += '[[region]]\nname = "rest"\nshape = "half_space"\npoint = [-0.9, 0.0]\nnormal = [1.0, 0.0]\n[[load]]\ntype = "displacement"\nregion = "rest"\nvalue = ["free", 0.0]\n'
+    from mpi4py import MPI
+
+    with_few = [Simulation(parse_scene(text, "row"), ranks) for ranks in (comm, MPI.COMM_SELF)]
+    records = [simulation.run(quiet=True) for simulation in with_few]
+    assert records[0]["energies"]["external_work"] == pytest.approx(records[1]["energies"]["external_work"], rel=1e-9)
+    assert records[0]["energies"]["external_work"] > 0
+
+
+@pytest.mark.mpi(min_size=2)
+@pytest.mark.parametrize("method", ("relaxation", "newton"))
+def test_errors_are_raised_on_every_rank(comm, method):
+    with pytest.raises(SceneError, match="leave 3 rigid motions"):
+        Simulation(parse_scene(notched(method), "strip", ["load=[]", "probe=[]"]), comm)
+    simulation = Simulation(parse_scene(notched(method, cells=(26, 15)), "strip", ["static.equilibria=2", "static.steps=3"]), comm)
+    with pytest.raises(RunError, match="bonds break in each of 2 equilibria"):
+        simulation.run(quiet=True)
