@@ -34,6 +34,31 @@ def test_relaxation_has_the_same_bits(comm, path, model, kinematics, breaking):
     assert record["broken_bonds"] > 50 and record["ghosts"] > 0
 
 
+BY_ENERGY = ("critical_stretch = 0.01", 'energy_release_rate = 2.15e-4\nfailure = "energy"')
+"""The energy release rate of s0 = 0.01 at E = 1, horizon 3 in plane stress: G = 9 E horizon s0^2/(4 pi)."""
+WIDE = '[[body]]\nname = "wide"\nmaterial = "solid"\nshape = "box"\nlower = [13.0, -7.5]\nupper = [16.0, 7.5]\nhorizon = 2.5\n'
+
+
+@pytest.mark.mpi(min_size=2)
+@pytest.mark.parametrize("method", ("relaxation", "newton"))
+@pytest.mark.parametrize("model, text, options", [
+    ("pmb", ("", ""), ["particles.influence=conical", "particles.surface_correction=energy"]), ("pmb", BY_ENERGY, ["particles.surface_correction=volume"]),
+    ("lps", BY_ENERGY, []), ("pmb", ("", ""), ["material.solid.stretch_softening=0.25"]), ("pmb", ("[[body]]", WIDE + "[[body]]"), []),
+], ids=["conical", "energy", "lps", "softening", "horizons"])
+def test_laws_and_corrections_at_rest(comm, method, model, text, options):
+    """Relaxation has the same bits, Newton the same bonds; at the end no intact bond is beyond its limit."""
+    from mpi4py import MPI
+
+    scene = parse_scene(notched(method, "all", model, "finite", 3, (26, 15)).replace(*text, 1), "strip", options)
+    together, alone = (Simulation(scene, ranks) for ranks in (comm, MPI.COMM_SELF))
+    record, reference = (simulation.run(quiet=True) for simulation in (together, alone))
+    fields, expected = gathered(comm, together), gathered(MPI.COMM_SELF, alone)
+    for name, values in fields.items():
+        assert np.array_equal(values, expected[name]) if method == "relaxation" or name == "alive" else True, name
+    assert record["broken_bonds"] == reference["broken_bonds"] > 20
+    assert comm.allreduce(together.stepper._breaking.evaluate()) == 0
+
+
 @pytest.mark.mpi(min_size=2)
 @pytest.mark.parametrize("path", PATHS)
 @pytest.mark.parametrize("model, kinematics", [("pmb", "linear"), ("lps", "finite")])

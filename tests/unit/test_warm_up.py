@@ -102,13 +102,15 @@ points = [[0.0, -9.0], [0.0, 0.0]]
     ("pmb", "critical_stretch = 0.01\nstretch_softening = 0.25", ["particles.surface_correction=energy"]),
     ("pmb", 'energy_release_rate = 0.001\nfailure = "energy"', ["particles.surface_correction=volume"]),
     ("lps", 'model = "lps"\npoissons_ratio = 0.2\nenergy_release_rate = 0.001\nfailure = "energy"', []),
+    ("pmb", "critical_stretch = 0.01\nstretch_softening = 0.25", ["contact"]),
 ])
 def test_a_run_with_other_laws_and_horizons_compiles_nothing_more(model, keys, overrides, tmp_path):
     from pdhpc.study.verify.case import plate
 
     text = plate((16, 8), 2.0, kinematics="finite", material=keys, extra=OTHER.format(keys=keys))
+    text += "[contact]\nfriction = 0.2\n" * overrides.count("contact")
     for override in overrides:
-        key, value = override.split("=")
+        key, value = override.split("=") if "=" in override else ("particles.path", "cloud")
         text = text.replace("[particles]", f'[particles]\n{key.split(".")[1]} = "{value}"')
     (tmp_path / "scene.toml").write_text(text.replace("end = 1.0", "end = 10.0"))
     done = subprocess.run([sys.executable, "-c", WATCH, "cloud", model, str(tmp_path / "scene.toml"), str(tmp_path / "out")], capture_output=True, text=True)

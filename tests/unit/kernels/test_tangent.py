@@ -3,17 +3,21 @@ import pytest
 
 from pdhpc.kernels import tangent
 from pdhpc.peridynamics.internal_forces import InternalForces
-from pdhpc.peridynamics.tangent import stiffness_blocks
-from pdhpc.warm_up import MODELS, PATHS, NoGhosts, block
+from pdhpc.peridynamics.tangent import stiffness_blocks, unbreakable
+from pdhpc.warm_up import MODELS, PATHS, NoGhosts, Variant, block
 
 SPACING = 1e-3
 
 
-@pytest.mark.parametrize("path", PATHS)
+VARIANTS = [("lattice", Variant()), ("cloud", Variant()), ("lattice", Variant(influence="conical")), ("cloud", Variant(horizons=True)), ("cloud", Variant(correction="energy")),
+            ("cloud", Variant(correction="volume", failure="energy")), ("cloud", Variant(softening=0.25))]
+
+
+@pytest.mark.parametrize("path, variant", VARIANTS)
 @pytest.mark.parametrize("dim, linear", [(2, True), (2, False), (3, True), (3, False)])
-def test_blocks_of_bonds_are_the_derivative_of_a_particle_s_own_force(path, dim, linear):
+def test_blocks_of_bonds_are_the_derivative_of_a_particle_s_own_force(path, variant, dim, linear):
     """Moving one particle alone, f_i = - A_i u_i of a bond-based body at rest."""
-    subdomain, law = block(dim, 5, 2.0, linear, path, "pmb")
+    subdomain, law = unbreakable(*block(dim, 5, 2.0, linear, path, "pmb", variant))
     particles = subdomain.particles
     particles.place()
     blocks = stiffness_blocks(subdomain, law)

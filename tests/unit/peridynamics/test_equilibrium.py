@@ -11,8 +11,11 @@ PULL = '[[region]]\nname = "end"\nshape = "half_space"\npoint = [5.0, 0.0]\nnorm
 RAMP = 'time = { function = "ramp", end = 1.0 }\n'
 
 
-def dense_solution(problem, load):
-    """Return displacements (n, 2) at which a bond-based body held as the problem says bears a load density (n, 2): a matrix over all pairs, solved densely."""
+def dense_solution(problem, load, omega=lambda r: np.minimum(1.0, 3.5 - r), factor=1.0):
+    """Return displacements (n, 2) at which a bond-based body held as the problem says bears a load density (n, 2): a matrix over all pairs, solved densely.
+
+    omega : of distances, with the volume correction. factor : of each pair, or one for all.
+    """
     subdomain, law = problem.subdomain, problem.body.law
     x, held = subdomain.places(), problem.conditions.held().ravel()
     volume, n = subdomain.particles.owned(subdomain.particles.volume), len(x)
@@ -20,7 +23,7 @@ def dense_solution(problem, load):
     r = np.linalg.norm(xi, axis=2)
     near = (r > 0) & (r < 3.5)
     r = np.where(near, r, 1.0)
-    weight = np.where(near, law.micromodulus[0, 0] * np.minimum(1.0, 3.5 - r) / r**3 * volume[None] * volume[:, None], 0.0)
+    weight = np.where(near, law.micromodulus[0, 0] * factor * omega(r) / r**3 * volume[None] * volume[:, None], 0.0)
     blocks = weight[:, :, None, None] * xi[:, :, :, None] * xi[:, :, None, :]
     matrix = -blocks
     matrix[np.arange(n), np.arange(n)] = blocks.sum(axis=1)
@@ -43,6 +46,24 @@ def test_a_load_is_borne_as_the_dense_matrix_says(method, path):
     held = problem.conditions.held()
     force = stepper.view.field("force_density")
     assert -force[held].reshape(-1, 2)[:, 0].sum() == pytest.approx(-load[:, 0].sum(), rel=1e-9), "supports bear the load"
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("path, correction", [("lattice", "none"), ("cloud", "none"), ("cloud", "energy")])
+def test_the_conical_influence_and_its_surface_correction_as_the_dense_matrix_says(method, path, correction):
+    options = [f"particles.path={path}", "particles.influence=conical", f"particles.surface_correction={correction}"]
+    problem = problem_of(still((14, 6), method, extra=PULL.format(kind="force_density", value=1e-3, more="")), options)
+    factor = np.ones((84, 84))
+    if correction == "energy":
+        arrays, counts = problem.subdomain.bonds.arrays, problem.subdomain.bonds.family_size
+        for i, (first, count) in enumerate(zip(arrays.row_start, counts)):
+            factor[i, arrays.neighbour[first : first + count]] = arrays.factor[first : first + count]
+        assert factor.max() > 1.2 and np.array_equal(factor, factor.T)
+    stepper = problem.stepper()
+    stepper.advance()
+    load = np.where(problem.subdomain.places()[:, :1] > 5.0, [[1e-3, 0.0]], 0.0)
+    expected = dense_solution(problem, load, lambda r: np.maximum(0.0, 1.0 - r / 3.0), factor)
+    assert np.abs(stepper.view.field("displacement") - expected).max() < 1e-8 * np.abs(expected).max()
 
 
 @pytest.mark.parametrize("kinematics, bound", (("linear", 1e-9), ("finite", 2e-4)))

@@ -4,7 +4,7 @@ import pytest
 from pdhpc.parallel.comm import Sums
 from pdhpc.peridynamics.internal_forces import InternalForces
 from pdhpc.peridynamics.tangent import Tangent, unbreakable
-from pdhpc.warm_up import MODELS, PATHS, NoGhosts, block
+from pdhpc.warm_up import MODELS, PATHS, NoGhosts, Variant, block
 
 SPACING = 1e-3
 
@@ -85,3 +85,17 @@ def test_no_bond_of_the_unbreakable_body_breaks(path, model, linear):
     before = subdomain.bonds.alive()
     assert InternalForces(other, unbroken, NoGhosts).evaluate() == 0 and np.array_equal(subdomain.bonds.alive(), before)
     assert InternalForces(subdomain, law, NoGhosts).evaluate() > 0 and np.array_equal(other.bonds.alive(), subdomain.bonds.alive()), "both hold the same bonds"
+
+
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("variant", [Variant(), Variant(failure="energy"), Variant(softening=0.25), Variant(horizons=True, correction="energy")])
+def test_nothing_breaks_an_unbreakable_body(model, variant):
+    """Stretched to thrice its length, by a law of any kind."""
+    if model == "lps" and (variant.correction != "none"):
+        variant = variant._replace(correction="none")
+    subdomain, law = block(2, 6, 2.0, False, "cloud", model, variant)
+    particles = subdomain.particles
+    particles.put(particles.displacement, 2.0 * subdomain.places())
+    particles.place()
+    assert InternalForces(*unbreakable(subdomain, law), NoGhosts).evaluate() == 0
+    assert InternalForces(subdomain, law, NoGhosts).evaluate() == subdomain.bonds.n_directed
