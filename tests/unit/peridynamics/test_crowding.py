@@ -11,17 +11,18 @@ WHOLE = Partition(np.empty(0, np.int64), np.empty(0), np.empty((0, 2), np.int64)
 RADIUS = 3.0 * (1 + 1e-9)
 
 
-def crowded(shift):
-    """Look at two lattices of spacing 1, 8 x 8, the second one moved by `shift`."""
+def crowded(shift, wide=RADIUS):
+    """Look at two lattices of spacing 1, 8 x 8, the second one moved by `shift`, with families of radius `wide`."""
+    radius = np.array([[RADIUS, 0.5 * (RADIUS + wide)], [0.5 * (RADIUS + wide), wide]])
     first = LatticeBody(Box((0.0, 0.0), (8.0, 8.0)), 1.0, 0)
     second = LatticeBody(Box(tuple(shift), tuple(8.0 + x for x in shift)), 1.0, 64)
 
     def describe(points, number, ids):
         return np.ones(len(points)), np.zeros(len(points), np.uint8)
 
-    subdomain = make_subdomain([first, second], WHOLE, 0, RADIUS, describe, False)
+    subdomain = make_subdomain([first, second], WHOLE, 0, radius, describe, False)
     body = (subdomain.particles.id >= 64).astype(int)
-    found = find_crowded(subdomain, np.ones(len(body)), body, np.full((2, 2), np.pi * RADIUS**2))
+    found = find_crowded(subdomain, np.ones(len(body)), body, np.pi * radius**2)
     assert found is None or body[found[0]] != body[found[1]] or found[2] == 0
     return found
 
@@ -41,6 +42,12 @@ def test_families_too_full():
     fullness = crowded((0.5, 0.5))[2]
     assert 1.5 < fullness < 2.1
     assert crowded((4.5, 0.5))[2] > 1.5
+
+
+def test_families_of_two_horizons_fill_their_own_balls():
+    """Of 1 of each body's own, at twice the horizon too: 2 where both lie in one place, 1 where they touch."""
+    assert crowded((8.0, 0.0), 2 * RADIUS) is None and crowded((8.0, 0.5), 2 * RADIUS) is None
+    assert 1.5 < crowded((0.5, 0.5), 2 * RADIUS)[2] < 2.2
 
 
 def test_a_point_given_nearly_twice():
@@ -64,4 +71,4 @@ def test_a_full_family_of_one_body_is_its_own_affair():
     """Volumes are what a file says; only strangers in a family show that bodies overlap."""
     body = LatticeBody(Box((0.0, 0.0), (8.0, 8.0)), 1.0, 0)
     subdomain = make_subdomain([body], WHOLE, 0, RADIUS, lambda points, number, ids: (np.full(len(points), 3.0), np.zeros(len(points), np.uint8)), False)
-    assert find_crowded(subdomain, np.full(64, 3**0.5), np.zeros(64, int), np.pi * RADIUS**2) is None
+    assert find_crowded(subdomain, np.full(64, 3**0.5), np.zeros(64, int), np.full((1, 1), np.pi * RADIUS**2)) is None
