@@ -133,7 +133,8 @@ class Problem(Uncoupled):
 
     def remarks(self, comm):
         """Return sentences on what happened in a run that its user should know, each once. Collective."""
-        mine = [sentence for part in self.parts for each in part.conditions.interactions for sentence in each.warnings()]
+        known = [part.conditions for part in self.parts if part.conditions is not None]  # local particles of finite elements have none
+        mine = [sentence for conditions in known for each in conditions.interactions for sentence in each.warnings()]
         return list(dict.fromkeys(sentence for sentences in comm.allgather(mine) for sentence in sentences))
 
     def coupled(self, stepper, comm, coupling):
