@@ -105,16 +105,14 @@ def _is_root():
 def _run(options):
     from pdhpc.output.record import check_directory
     from pdhpc.parallel.comm import on_root, world
-    from pdhpc.parallel.linear_solver import unused_options, use_options
+    from pdhpc.parallel.linear_solver import use_options
     from pdhpc.simulation import Simulation, read_on_root
 
     comm = world()
     scene = read_on_root(options.scene, options.overrides, comm)
     on_root(comm, check_directory, options.output, options.overwrite)
     use_options(options.petsc_options)
-    simulation = Simulation(scene, comm)
-    if options.petsc_options:
-        simulation.warnings += unused_options(options.petsc_options)
+    simulation = Simulation(scene, comm, options.petsc_options)
     record = simulation.run(options.output, options.overwrite, options.quiet)
     if comm.rank == 0:
         _finish_on_root(scene, record, options)

@@ -19,7 +19,7 @@ from pdhpc.output.fields import FieldWriter
 from pdhpc.output.history import History
 from pdhpc.output.record import OutputError, claim_directory, write_json
 from pdhpc.parallel.comm import agree_on_error, on_root, world
-from pdhpc.parallel.linear_solver import SolverError, start_petsc
+from pdhpc.parallel.linear_solver import SolverError, start_petsc, unused_options
 from pdhpc.run import RunError, drive
 from pdhpc.scene.body import law_of, path_of
 from pdhpc.scene.build import build
@@ -39,11 +39,11 @@ class Simulation:
     scene : Scene. problem : this rank's share. stepper : what advances it, at its current step. energies, probes, tips, fragments : gauges.
     """
 
-    def __init__(self, scene, comm=None):
-        """Build the scene. Collective over `comm` (default: all ranks)."""
+    def __init__(self, scene, comm=None, petsc_options=()):
+        """Build the scene. Collective over `comm` (default: all ranks). petsc_options : words handed to PETSc, of which those that nothing used are a warning."""
         started = time.perf_counter()
         self.comm = world() if comm is None else comm
-        self.scene = scene
+        self.scene, self._petsc_options = scene, petsc_options
         _compile_first_on_each_node(self.comm, scene)
         compiled = time.perf_counter()
         self.problem = build(scene, self.comm)
@@ -89,7 +89,7 @@ class Simulation:
             self.warnings.append(f"the energy balance is off by {self.energies.relative_error():.1%} of the largest energy")
         if self.coupling is not None:
             self.warnings += self.coupling.warnings()
-        self.warnings += self.problem.remarks(self.comm)
+        self.warnings += self.problem.remarks(self.comm) + unused_options(self._petsc_options)
         record = self._record("done")
         if writes:
             self._write(directory, record)

@@ -104,6 +104,16 @@ def test_unused_petsc_options_are_named(tmp_path):
     assert "-ksp_view -foo" in json.loads((tmp_path / "out" / "run.json").read_text())["warnings"][0]
 
 
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_misspelt_petsc_options_are_named(tmp_path, ranks):
+    """They have the prefix of a solver, which never asks for them; what the parts of its preconditioner ask for when it is set up counts."""
+    words = "run", ROOT / "runs" / "plate_with_hole_fe.toml", "-o", tmp_path / "out", "--quiet", "--", "-gfem_ksp_tpye", "cg", "-gfem_ksp_rtol", "1e-9", "-gfem_mg_levels_ksp_max_it", "2"
+    done = launch(ranks, list(map(str, words)), tmp_path) if ranks > 1 else pdhpc(*words, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    found = json.loads((tmp_path / "out" / "run.json").read_text())["warnings"]
+    assert found == ["unused are the options -gfem_ksp_tpye: no solver asked for them, they may be misspelt"]
+
+
 def test_petsc_options_reach_the_interface(tmp_path):
     scene, counts = write(tmp_path, plate((24, 16), kinematics="linear", extra=FINE)), []
     for tolerance in ("1e-2", "1e-12"):
