@@ -26,7 +26,7 @@ def test_summary_of_a_coupled_run(capsys):
     """No number of degrees of freedom, which changes as patches grow; the coupling in its place."""
     coupling = {"scheme": "pinned", "sub_steps": 4, "particle_dt": 0.5, "patches": 9, "active_share": 0.125}
     body = {"cells": 16, "vertices": 25, "path": "lattice", "particles": 400, "bonds": 6190, "coupling": coupling}
-    run = {"title": "t", "ranks": 1, "steps": 20, "dt": 2.0, "critical_dt": 4.0, "seconds": {"solve": 1.0}, "broken_bonds": 3, "energies": {}, "tips": {}, "warnings": []}
+    run = {"title": "t", "ranks": 1, "steps": 20, "dt": 2.0, "critical_dt": 4.0, "seconds": {"solve": 1.0}, "broken_bonds": 3, "energies": {}, "tips": {}, "fragments": None, "warnings": []}
     report.print_summary({**body, **run, "balance_error_relative": None}, "out", [])
     text = capsys.readouterr().out
     for words in ("16, 25; 9 patches", "pinned, 4 of 0.5 s", "12.5% of the particles", "400, 6,190"):
