@@ -164,9 +164,8 @@ def _ghost_candidates(bodies, partition, rank, radius, owned):
     inner_lower, inner_upper = partition.box(rank, dim)
     lower = np.where(np.isfinite(inner_lower), owned.min(axis=0) - reach, -np.inf)
     upper = np.where(np.isfinite(inner_upper), owned.max(axis=0) + reach, np.inf)
-    pieces = []
-    for low, high in _shell(lower, upper, inner_lower, inner_upper):
-        pieces.append(points_of_bodies(bodies, low, high))
+    pieces = [points_of_bodies(bodies, low, high) for low, high in _shell(lower, upper, inner_lower, inner_upper)]
+    pieces = pieces or [points_of_bodies([], lower, upper)]  # a rank's bodies may end far from its borders
     ids, points, body = (np.concatenate([piece[part] for piece in pieces]) for part in range(3))
     owner = partition.owner(points)
     order = np.lexsort((ids, owner))

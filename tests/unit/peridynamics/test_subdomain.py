@@ -66,6 +66,16 @@ def test_parts_make_up_the_whole(dim, size):
     assert max(work) < 1.35 * np.mean(work)
 
 
+def test_a_rank_whose_bodies_end_far_from_its_borders_has_no_ghosts():
+    """Two boxes 16 apart, cut half way between them: the families of 3 reach across neither border."""
+    first = LatticeBody(Box((0.0, 0.0), (4.0, 4.0)), 1.0, 0)
+    apart = [first, LatticeBody(Box((20.0, 0.0), (24.0, 4.0)), 1.0, first.last_id)]
+    partition = Partition(np.array([0]), np.array([12.0]), np.array([[-1, -2]]), 2)
+    for rank in (0, 1):
+        part = make_subdomain(apart, partition, rank, RADIUS, describe, False)
+        assert part.particles.n_owned == 16 and len(part.ghost_owner) == 0 and part.bonds.family_size.max() == 15, "all others, of those in the middle"
+
+
 def test_rows_across_a_material_border_are_mixed():
     alone = Partition(np.empty(0, int), np.empty(0), np.empty((0, 2), int), 1)
     part = make_subdomain(bodies(2), alone, 0, RADIUS, describe, False)
