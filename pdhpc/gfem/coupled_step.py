@@ -60,7 +60,7 @@ class CoupledStep:
             self.local.put_collar(self.solution.displacement)
         self._start_particles()
         with self._timed("choose"):
-            grown = largest(self.comm, int(self._wanting(self._activation).any())) and largest(self.comm, self._grow())
+            grown = largest(self.comm, int(self._wanting(self._activation).any())) and self._grow()
         if grown:
             self._start_particles()
 
@@ -101,13 +101,13 @@ class CoupledStep:
         self.local.start(self.k, self.dt / self.k, self.time, self._activation)
 
     def _grow(self):
-        """Add patches; return how many of this rank's vertices are new. Collective."""
+        """Add patches, and let everything follow them; return whether there are new ones on any rank. Collective."""
         self._look_for_the_hopeless()
         self.local.look(_SOON * self._activation)
-        new = self.patches.add(self._wanting(_SOON * self._activation))
-        if largest(self.comm, new):
+        grown = largest(self.comm, self.patches.add(self._wanting(_SOON * self._activation))) > 0
+        if grown:
             self.follow()
-        return new
+        return grown
 
     def _look_for_the_hopeless(self):
         """Note where the body fails in cells that cannot be enriched: bonds broke on the ramp in them, or elements are strained beyond the limit. Local."""

@@ -168,7 +168,3 @@ def _draw_curve(directory, name, x, y, history):
     axes.plot(history[x], history[y], linewidth=1.6, color=INK)
     axes.set(xlabel=x, ylabel=y, title=f"{title_of(directory)}   {name}")
     return save(figure, directory / f"curve_{name}.png")
-
-
-def _largest(image):
-    return float(np.nanmax(image)) if np.isfinite(image).any() else 0.0
