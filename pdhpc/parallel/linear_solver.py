@@ -211,14 +211,20 @@ class AssembledSolver:
         self._ksp.setTolerances(rtol=defaults.tolerance, atol=1e-300, max_it=defaults.iterations)
         self._ksp.setComputeSingularValues(True)
         self._ksp.setInitialGuessNonzero(True)
+        self.fill(np.zeros(len(columns)))
         _take_options(self._ksp, prefix, self._n)
         self._right, self._x = self._matrix.createVecs()
         self._product = self._right.duplicate()
 
     def fill(self, values):
-        """Set the entries of this rank's rows, (nnz,). Collective."""
+        """Set the entries of this rank's rows, (nnz,). Rows of zeros, of unknowns that take no part, get a one on the diagonal, which preconditioners ask for. Collective."""
         self._matrix.setValuesCSR(self._indptr, self._columns, values)
         self._matrix.assemble()
+        diagonal = self._matrix.getDiagonal()
+        entries = diagonal.getArray()
+        self._absent = entries == 0.0
+        entries[self._absent] = 1.0
+        self._matrix.setDiagonal(diagonal)
 
     def solve(self, right, guess=None):
         """Return the solution (n_local,); `failure` as of LinearSolver.solve. Collective.
@@ -245,6 +251,7 @@ class AssembledSolver:
             return 1.0
         first, last = self._matrix.getOwnershipRange()
         self._right.getArray()[...] = np.cos(2.4 * np.arange(first, last) ** 1.5) * np.sqrt(self._matrix.getDiagonal().getArray())  # of no structure
+        self._right.getArray()[self._absent] = 0.0
         self._x.set(0.0)
         self._ksp.solve(self._right, self._x)
         most, least = self._ksp.computeExtremeSingularValues()

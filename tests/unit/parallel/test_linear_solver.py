@@ -104,6 +104,17 @@ def test_assembled_rows_are_solved_and_refilled(comm):
     assert solver.condition() == pytest.approx(np.linalg.cond(MATRIX * scale * scale[:, None]), rel=1e-6)
 
 
+def test_rows_of_zeros_suit_preconditioners_that_divide_by_the_diagonal(comm):
+    from petsc4py import PETSc
+
+    PETSc.Options()["zeros_pc_type"] = "sor"
+    solver = AssembledSolver(comm, "zeros_", Defaults("cg", 1e-12), np.array([0, 2, 4, 5]), np.array([0, 1, 0, 1, 2]))
+    assert solver.solve(np.zeros(3)).tolist() == [0.0, 0.0, 0.0], "rows that were never filled as well"
+    solver.fill(np.array([4.0, 1.0, 1.0, 3.0, 0.0]))
+    assert solver.solve(np.array([1.0, 2.0, 0.0])) == pytest.approx([1 / 11, 7 / 11, 0.0])
+    PETSc.Options().delValue("zeros_pc_type")
+
+
 def test_assembled_failure_is_remembered(comm):
     solver = assembled(comm, 1)
     solver.solve(np.array([1.0, 2.0, 3.0]))
