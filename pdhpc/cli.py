@@ -229,16 +229,17 @@ def _scale(options):
 
     machine = None
     if options.predict is not None:
-        from pdhpc.study.predictor import read_machine
+        from pathlib import Path
+
+        from pdhpc.study.predictor import check_predictable, read_machine
+        from pdhpc.study.scaling import read_study, scene_of_point
 
         machine = read_machine(options.predict)  # before anything runs
+        check_predictable(scene_of_point(read_study(options.study, options.overrides), Path(options.study).parent, 1))
     study, rows = run_study(options.study, options.output, options.overrides, options.point, options.overwrite)
     pictures = report(study, rows, options.output)
     if machine is not None:
-        from pathlib import Path
-
         from pdhpc.scene.body import radius_of
-        from pdhpc.study.scaling import scene_of_point
         from pdhpc.study.scaling_report import report_prediction
 
         scene = scene_of_point(study, Path(options.study).parent, 1)

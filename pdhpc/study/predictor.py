@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pdhpc.peridynamics.lattice_subdomain import make_stencil
+from pdhpc.scene.body import path_of
 from pdhpc.scene.read import tomllib
 from pdhpc.scene.schema import SceneError
 
@@ -69,6 +70,19 @@ class Prediction(NamedTuple):
     rate: float
     work: float
     messages: float
+
+
+def check_predictable(scene):
+    """Raise a SceneError unless a step of the scene is what the model describes: forces of bonds on one lattice, of one time step."""
+    found = None
+    if path_of(scene) != "lattice":
+        found = "bodies that are no lattice of one spacing"
+    elif scene.contact is not None or scene.impactor:
+        found = "contact or an impactor"
+    elif scene.method != "single":
+        found = f'time.method = "{scene.method}"'
+    if found is not None:
+        raise SceneError(f"{scene.source}: {found}; allowed with --predict is a lattice of one spacing, without contact, by one time step")
 
 
 def read_machine(name):

@@ -6,8 +6,9 @@ import pytest
 from pdhpc.geometry.lattice import LatticeBody, find_common_lattice
 from pdhpc.geometry.shapes import Box
 from pdhpc.parallel.partition import Partition
+from pdhpc.scene.read import scene_from_dict
 from pdhpc.scene.schema import SceneError
-from pdhpc.study.predictor import LANES, MACHINES, Cost, Machine, VirtualPartition, calibrate, curves, predict, predict_regions, read_machine
+from pdhpc.study.predictor import LANES, MACHINES, Cost, Machine, VirtualPartition, calibrate, check_predictable, curves, predict, predict_regions, read_machine
 from pdhpc.study.scaling import PHASES
 
 def row(ranks, seconds, particles, **more):
@@ -131,3 +132,18 @@ def test_a_bad_machine_is_refused(tmp_path, text, words):
         read_machine(tmp_path / "machine.toml")
     with pytest.raises(SceneError, match="allowed is archer2, epyc_genoa_ndr or a TOML file"):
         read_machine("archer3")
+
+
+@pytest.mark.parametrize("change, found", [
+    ({"contact": {}}, "contact or an impactor"),
+    ({"time": {"end": 1e-6, "method": "newton"}, "load": [{"name": "held", "type": "displacement", "region": "all", "value": [0.0, 0.0]}]}, 'time.method = "newton"'),
+    ({"body": [{"name": name, "material": "glass", "shape": "box", "lower": [x, 0.0], "upper": [x + 0.1, 0.1], **more}
+               for name, x, more in (("one", 0.0, {}), ("two", 0.1, {"spacing": 0.005}))]}, "no lattice of one spacing"),
+])
+def test_what_the_model_of_a_step_does_not_hold_for_is_refused(change, found):
+    box = {"name": "plate", "material": "glass", "shape": "box", "lower": [0.0, 0.0], "upper": [0.1, 0.1]}
+    plate = {"dimension": "plane_stress", "particles": {"spacing": 0.01, "horizon": 0.03}, "body": [box], "time": {"end": 1e-6},
+             "material": [{"name": "glass", "density": 2200, "youngs_modulus": 7e10, "critical_stretch": 1e-3}]}
+    check_predictable(scene_from_dict(plate, "plate.toml"))
+    with pytest.raises(SceneError, match=f"^plate.toml: .*{found}.*; allowed with --predict is a lattice"):
+        check_predictable(scene_from_dict({**plate, **change}, "plate.toml"))
