@@ -2,15 +2,15 @@
 import numpy as np
 
 from pdhpc.jit import sweep
-from pdhpc.kernels.family import end_of_bonds, first_bond, inverse_length, is_alive, neighbour, reference_vector
+from pdhpc.kernels.family import end_of_bonds, first_bond, inverse_length, is_alive, neighbour, reference_vector, share
 from pdhpc.materials.law import influence_over_length, weighting_between
 
 
 @sweep
 def directional_energies(bonds, points, law, own, third, slots, energy):
-    """Store W_i,d = 1/4 sum_j c omega beta n_d^4 r V_j, J/m^3, of the particles in `slots` (n,) under a unit extension along each axis in energy (n, dim).
+    """Store W_i,d = 1/4 sum_j lambda c omega beta n_d^4 r V_j, J/m^3, of the particles in `slots` (n,) under a unit extension along each axis in energy (n, dim).
 
-    n = xi/|xi|, so that the (linear) stretch of a bond is n_d^2. own (n_block, n_block): the micromodulus c of the first block's material alone, at the horizon
+    lambda is the factor that the bonds have, 1 without any; n = xi/|xi|, so that the (linear) stretch of a bond is n_d^2. own (n_block, n_block): the micromodulus c of the first block's material alone, at the horizon
     of bonds between both blocks: where materials meet no surface is seen.
     """
     for n in range(len(slots)):
@@ -21,6 +21,7 @@ def directional_energies(bonds, points, law, own, third, slots, energy):
                 j, inv_l = neighbour(bonds, i, k), inverse_length(bonds, i, k)
                 weighting = weighting_between(law.weighting, points.block[i], points.block[j])
                 part = 0.25 * own[points.block[i], points.block[j]] * influence_over_length(weighting, inv_l) / (inv_l * inv_l) * points.volume[j]
+                part *= share(bonds, i, k)
                 xi = reference_vector(bonds, points, i, j, k, third)
                 for d in range(energy.shape[1]):
                     n2 = (xi[d] * inv_l) * (xi[d] * inv_l)

@@ -40,7 +40,7 @@ class Particles(Table):
     surface_correction: Literal["none", "energy", "volume"] = key(
         "factor lambda of the micromodulus of bonds whose families lack a part, from the families before pre-cracks; pmb only: the weighted volumes of lps count "
         "the neighbours that are there", "",
-        "energy: (sum_d (n_d/s_d)^2)^(-1/2), s_d the mean of both ends' W_bulk/W under a unit extension along d (Madenci & Oterkus 2014); "
+        "energy: (sum_d (n_d/s_d)^2)^(-1/2), s_d the mean of both ends' W_bulk/W under a unit extension along d (Madenci & Oterkus 2014), taken four times over; "
         "volume: 2 V0/(V_i + V_j), V family volumes, V0 the bulk's (Le & Bobaru 2018), too stiff along surfaces", default="none")
     kinematics: Literal["finite", "linear"] = key(
         "stretch of a bond xi with relative displacement eta: of its deformed length, or linearised", "",

@@ -5,7 +5,7 @@ from pdhpc.kernels.family import MIXED, VARIED
 from pdhpc.peridynamics.critical_step import stable_step
 from pdhpc.peridynamics.fields import field, strain_energy_density
 from pdhpc.peridynamics.internal_forces import InternalForces
-from pdhpc.peridynamics.surface import METHODS, bulk_energies, correct_surfaces, whole_family
+from pdhpc.peridynamics.surface import METHODS, REPEATS, bulk_energies, correct_surfaces, whole_family
 from pdhpc.materials.bond_based import BondBased
 from pdhpc.materials.law import Setting
 from pdhpc.study.verify.case import plate, problem_of
@@ -31,27 +31,40 @@ def test_the_bulk_by_hookes_law_and_whole_families(dimension, hooke):
     assert whole_family(solid, setting) == pytest.approx(36 * np.pi if dimension == "3d" else 4.5 * np.pi)
 
 
-@pytest.mark.parametrize("dimension, cells", [("plane_stress", (24, 20)), ("3d", (14, 12, 12))])
+@pytest.mark.parametrize("dimension, cells", [("plane_stress", (38, 36)), ("3d", (14, 12, 12))])
 def test_inside_an_extension_along_an_axis_holds_hookes_energy_by_energy(dimension, cells):
-    """Inside all scales are equal; then the factor is that of the axis, on a lattice the same for all axes."""
+    """Inside all scales are equal; then the factor is that of the axis, on a lattice the same for all axes. Each repeat reaches a family farther in."""
     problem, _, x = body("energy", cells, dimension)
     gradient = np.zeros((len(cells), len(cells)))
     gradient[0, 0] = 1.0
     inner = int(np.argmin(np.linalg.norm(x, axis=1)))
-    assert energies(problem, gradient)[inner] == pytest.approx(9 / 16 if dimension == "plane_stress" else 0.6, rel=1e-12 if dimension == "plane_stress" else 0.01)
+    assert energies(problem, gradient)[inner] == pytest.approx(9 / 16 if dimension == "plane_stress" else 0.6, rel=1e-12 if dimension == "plane_stress" else 0.025), "no inside in 3D here"
 
 
 def test_surfaces_lose_less_energy_and_the_inside_keeps_its_own():
     spread = np.eye(2)
     plain, _, x = body("none")
     without = energies(plain, spread)
-    inside = (np.abs(x) < [4.0, 2.0]).all(axis=1)  # no particle of whose neighbours lacks a part
-    for method, left in (("energy", 0.35), ("volume", 0.4)):
+    inside = (np.abs(x) < [4.0, 2.0]).all(axis=1)  # no particle of whose neighbours lacks a part; repeats of the energy method reach there
+    for method, left in (("energy", 0.1), ("volume", 0.4)):
         problem, _, _ = body(method)
         found = energies(problem, spread)
         lost = [1 - each.sum() / (len(each) * each[inside].mean()) for each in (without, found)]
         assert 0.1 < lost[0] and abs(lost[1]) < left * lost[0]
-        assert np.ptp(found[inside]) < 1e-12 * found[inside].mean()
+        assert np.ptp(found[inside]) < (0.01 if method == "energy" else 1e-12) * found[inside].mean()
+
+
+def test_repeated_every_particle_of_a_surface_stores_what_the_bulk_does(monkeypatch):
+    """Under an extension along each axis; taken once, as published, surfaces are up to a quarter off. A corner has too few bonds for it."""
+    off = []
+    for repeats in (1, REPEATS):
+        monkeypatch.setattr("pdhpc.peridynamics.surface.REPEATS", repeats)
+        problem, _, x = body("energy")
+        beside = np.minimum(12 - np.abs(x[:, 0]), 10 - np.abs(x[:, 1])) < 3
+        corner = (12 - np.abs(x[:, 0]) < 4) & (10 - np.abs(x[:, 1]) < 4)
+        found = np.array([energies(problem, np.diag(along)) for along in np.eye(2)]) / (9 / 16)
+        off.append(np.sqrt(np.mean((found[:, beside & ~corner] - 1) ** 2)))
+    assert 0.08 < off[0] < 0.25 and off[1] < off[0] / 2.5
 
 
 @pytest.mark.parametrize("method", METHODS)
