@@ -228,7 +228,7 @@ def _compile(scene, comm):
         elif scene.method != "single":
             compile_coupling(scene.dim, path, model, linear)
         if scene.fragments is not None:
-            compile_fragments(scene.dim, path)
+            compile_fragments(scene.dim, path, variant)
         if scene.brings_points:
             compile_points(scene.dim, comm)
         if scene.contact is not None or scene.impactor:

@@ -16,7 +16,6 @@ from pdhpc.geometry.shapes import Box
 from pdhpc.kernels import motion, shared
 from pdhpc.kernels.bond_states import count_face, foremost_damaged
 from pdhpc.kernels.contact import ContactLaw
-from pdhpc.kernels.fragments import join_intact, lower_labels
 from pdhpc.kernels.neighbours import count_neighbours
 from pdhpc.kernels.overlap import words_of
 from pdhpc.materials.bond_based import BondBased
@@ -43,6 +42,7 @@ from pdhpc.peridynamics.impact import Impact
 from pdhpc.peridynamics.internal_forces import InternalForces
 from pdhpc.peridynamics.lattice_subdomain import make_lattice_subdomain, sample_lattice
 from pdhpc.peridynamics.newton import Newton
+from pdhpc.peridynamics.pieces import label_pieces
 from pdhpc.peridynamics.relaxation import Relaxation
 from pdhpc.peridynamics.subdomain import make_subdomain, mark_mixed
 from pdhpc.peridynamics.surface import correct_surfaces
@@ -119,14 +119,11 @@ def compile_kernels(dims=(2, 3), paths=PATHS, models=MODELS, kinematics=(False, 
         _compile(*choice, variant)
 
 
-def compile_fragments(dim, path):
-    """Call the kernels that count fragments once. Local."""
-    subdomain, _ = block(dim, 4, 2.0, path=path)
-    slots, label = subdomain.particles.slots, np.full(len(subdomain.particles.position), -1, np.int64)
-    parent = np.full(len(label), -1, np.int32)
-    join_intact(subdomain.bonds.arrays, slots, label, parent, np.empty(len(slots), bool))
-    lower_labels(subdomain.bonds.arrays, slots, slots[:1], label, parent)
-    compile_messages(label[:, None])
+def compile_fragments(dim, path, variant=Variant()):
+    """Call the kernels that find what holds together once. Local."""
+    subdomain, _ = block(dim, 4, 2.0, path=path, variant=variant)
+    label_pieces(subdomain, NoGhosts, int, np.ones(subdomain.particles.n_owned, bool))
+    compile_messages(np.zeros((len(subdomain.particles.position), 1), np.int64))
 
 
 def compile_coupling(dim, path, model, linear):
@@ -191,6 +188,7 @@ def compile_interactions(dim, path, model, comm, resists, variant=Variant()):
 
 def compile_equilibrium(dim, path, model, linear, variant=Variant()):
     """Call every kernel of bodies that stand still once. Local."""
+    compile_fragments(dim, path, variant)
     subdomain, law = block(dim, 4, 2.0, linear, path, model, variant)
     particles = subdomain.particles
     subdomain.particles.place()

@@ -1,8 +1,10 @@
 """Fragments: what holds together by intact bonds, counted over all ranks."""
+from functools import partial
+
 import numpy as np
 
-from pdhpc.kernels.fragments import join_intact, lower_labels
 from pdhpc.parallel.comm import exact_sum, largest
+from pdhpc.peridynamics.pieces import label_pieces
 
 _UNITS = 2**52  # of the body's mass: sums of whole units are the same on any number of ranks
 _LISTED = 100  # fragments in run.json, the heaviest
@@ -11,8 +13,7 @@ _LISTED = 100  # fragments in run.json, the heaviest
 class Fragments:
     """The sets of particles that intact bonds join, without particles of more than a given damage: they are dust.
 
-    Each rank joins its own particles, then sets take the lowest id that bonds across ranks lead to, one exchange of ghosts' ids a round until none changes.
-    Costs 12 bytes a slot while it looks. Sums over a fragment are made on the rank that its id falls to.
+    Sums over a fragment are made on the rank that its id falls to.
     """
 
     columns = ("fragments", "fragments.largest [1]", "fragments.dust [1]")
@@ -29,21 +30,8 @@ class Fragments:
 
     def labels(self):
         """Return (n_owned,) int64: the lowest id of each particle's set, -1 for dust. Collective."""
-        domain, particles = self._subdomain, self._subdomain.particles
-        arrays, slots = domain.bonds.arrays, particles.slots
-        label = np.full(len(particles.position), -1, np.int64)
-        parent = np.full(len(label), -1, np.int32)
-        whole = domain.bonds.damage() <= self.settings.damage
-        label[slots[whole]] = particles.id[: particles.n_owned][whole]
-        parent[slots] = slots
-        ghosts, touches = self._exchange.bind(label), np.empty(len(slots), bool)
-        ghosts.refresh()
-        join_intact(arrays, slots, label, parent, touches)
-        border = slots[touches]
-        while largest(self.comm, int(lower_labels(arrays, slots, border, label, parent))):
-            ghosts.refresh()
-        ghosts.free()
-        return label[slots]
+        whole = self._subdomain.bonds.damage() <= self.settings.damage
+        return label_pieces(self._subdomain, self._exchange.bind, partial(largest, self.comm), whole)
 
     def find(self, stepper):
         """Return {"count", "largest", "dust", "heaviest": [{"id", "particles", "mass" (kg)}]}: shares of the mass, 1. Collective."""

@@ -1,20 +1,19 @@
-"""Scene -> objects for bodies that stand still: load steps, and supports that hold the whole."""
+"""Scene -> objects for bodies that stand still: load steps and the solvers of equilibria."""
 from functools import partial
 
 import numpy as np
 
 from pdhpc.observers.equilibrium import EquilibriumGauge
-from pdhpc.parallel.comm import Sums, largest
+from pdhpc.parallel.comm import Sums
 from pdhpc.parallel.linear_solver import Defaults, LinearSolver
 from pdhpc.peridynamics.equilibrium import LoadPath
 from pdhpc.peridynamics.newton import Newton
 from pdhpc.peridynamics.relaxation import Relaxation
+from pdhpc.scene.pieces import check_supports
 from pdhpc.scene.problem import Problem
 from pdhpc.scene.schema import STANDING
 
-_RANK = 1e-10  # of the largest eigenvalue of the rigid motions that supports hold: below, one is free
 _KSP_ITERATIONS = 10_000
-_ROTATIONS = {2: [(0, 1)], 3: [(0, 1), (1, 2), (2, 0)]}  # from one axis to another
 
 
 class StaticProblem(Problem):
@@ -40,9 +39,9 @@ def static_problem(scene, body, part, comm):
 
     Raises
     ------
-    SceneError, on every rank: supports that leave a rigid motion of the whole free.
+    SceneError, on every rank: supports that leave a rigid motion of a piece of the body free.
     """
-    _check_supports(scene, part, comm)
+    check_supports(scene, body, part, comm)
     path = load_path(scene, body)
     prefer = "cg" if scene.particles.kinematics == "linear" else "minres"  # tangents of stretched and pressed bonds may be indefinite
 
@@ -73,20 +72,3 @@ def _warnings(scene):
     moved = [time for time in times if abs(time / dt - round(time / dt)) > 1e-6]
     return [f"output.times = {moved[0]:g} s is no load step ({dt:g} s each): frames are those of the nearest ones"] if moved else []
 
-
-def _check_supports(scene, part, comm):
-    """Raise a SceneError unless prescribed components hold the body against every rigid motion of the whole. Collective."""
-    held, x, dim = part.conditions.held(), part.subdomain.places(), scene.dim
-    count = comm.allreduce(len(x))
-    centre = comm.allreduce(x.sum(axis=0)) / count
-    x = (x - centre) / largest(comm, float(np.abs(x - centre).max(initial=0.0))) if count > 1 else x - centre
-    motions = np.zeros((len(x), dim, dim + len(_ROTATIONS[dim])))
-    motions[:, :, :dim] = np.eye(dim)
-    for number, (a, b) in enumerate(_ROTATIONS[dim]):
-        motions[:, a, dim + number], motions[:, b, dim + number] = -x[:, b], x[:, a]
-    rows = motions[held]
-    eigenvalues = np.linalg.eigvalsh(comm.allreduce(rows.T @ rows))
-    free = int(np.count_nonzero(~(eigenvalues > _RANK * max(eigenvalues[-1], 1e-300))))
-    if free:
-        raise scene.error("load", f"prescribed displacements that leave {free} rigid motions of the body free",
-                          f'displacements that hold the body against all of them: time.method = "{scene.method}" finds no equilibrium otherwise')

@@ -93,3 +93,15 @@ def test_errors_are_raised_on_every_rank(comm, method):
     simulation = Simulation(parse_scene(notched(method, cells=(26, 15)), "strip", ["static.equilibria=2", "static.steps=3"]), comm)
     with pytest.raises(RunError, match="bonds break in each of 2 equilibria"):
         simulation.run(quiet=True)
+
+
+@pytest.mark.mpi(min_size=2)
+@pytest.mark.parametrize("path", PATHS)
+def test_a_piece_that_nothing_holds_is_named_on_every_rank(comm, path):
+    """A frame around the strip's held half, cut out of it by a crack that winds through the ranks: what lies beyond it is one piece of 26 x 15 - 70 particles."""
+    crack = '[[crack]]\ntype = "polyline"\npoints = [[-14.0, -3.5], [-3.0, -3.5], [-3.0, 3.5], [-14.0, 3.5]]\n'
+    text = still((26, 15), "newton", extra=crack).replace('shape = "half_space"\npoint = [-10.0, 0.0]\nnormal = [-1.0, 0.0]', 'shape = "box"\nlower = [-13.0, -3.0]\nupper = [-10.0, 3.0]')
+    with pytest.raises(SceneError) as error:
+        Simulation(parse_scene(text, "strip", [f"particles.path={path}"]), comm)
+    found = comm.allgather(str(error.value))
+    assert "3 rigid motions free of the piece of 320 particles of body 'body' around (-12.5, -7) m, of 2 pieces" in found[0] and len(set(found)) == 1
