@@ -179,4 +179,5 @@ def _check_sizes(scene, number, found):
     corrected = setting.volume_correction == "linear" and setting.influence != "conical"
     if corrected and not _SAME * setting.spacing <= small <= large <= setting.spacing / _SAME:
         words = f'"linear", while the particles of {where} are {small:.6g} to {large:.6g} m in size and particles.spacing is {setting.spacing:g} m'
-        raise scene.error("particles.volume_correction", words, '"none", which knows no spacing; "linear" is for particles within a tenth of particles.spacing')
+        allowed = '"none", which knows no spacing (pmb: with surface_correction = "energy", which goes by families as they are); "linear" is for particles '
+        raise scene.error("particles.volume_correction", words, f"{allowed}within a tenth of particles.spacing")

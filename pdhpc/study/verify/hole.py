@@ -7,65 +7,13 @@ import numpy as np
 from pdhpc.parallel.comm import world
 from pdhpc.scene.read import parse_scene
 from pdhpc.simulation import Simulation
+from pdhpc.study.verify.bars import PULL, pulled, quads_of
 from pdhpc.study.verify.case import Check, case
 
 HALF_LENGTH, HALF_WIDTH = 6.0, 4.0  # of the strip; the hole's radius is 1
-_PULL = 1e-3
 _CELLS = 3  # of the strip to a horizon; around the hole they are finer
 _SOURCE = "Kirsch 1898; finite width by Heywood 1952"
-STRIP = """
-dimension = "plane_stress"
-[particles]
-spacing = {size}
-horizon = {horizon}
-volume_correction = "none"
-kinematics = "linear"
-[[material]]
-name = "solid"
-density = 1.0
-youngs_modulus = 1.0
-{material}
-[[body]]
-name = "strip"
-material = "solid"
-shape = "mesh"
-file = "{file}"
-[[region]]
-name = "left"
-shape = "half_space"
-point = [{left}, 0.0]
-normal = [-1.0, 0.0]
-[[region]]
-name = "right"
-shape = "half_space"
-point = [{right}, 0.0]
-normal = [1.0, 0.0]
-[[region]]
-name = "pin"
-shape = "box"
-lower = [{end}, {below}]
-upper = [{left}, {above}]
-[[load]]
-type = "displacement"
-region = "left"
-value = [0.0, "free"]
-[[load]]
-type = "displacement"
-region = "pin"
-value = ["free", 0.0]
-[[load]]
-type = "traction"
-region = "right"
-face = "+x"
-value = [{pull}, 0.0]
-[time]
-end = 1.0
-method = "newton"
-[static]
-steps = 1
-[output]
-pictures = false
-[[probe]]
+ACROSS = """[[probe]]
 name = "across"
 point = [0.0, 1.0]
 quantity = "strain"
@@ -84,9 +32,9 @@ def write_strip(path, size):
     square = np.stack(np.meshgrid(*places, indexing="ij"), axis=-1)
     number = rings.shape[0] * rings.shape[1] + np.arange(square[..., 0].size).reshape(square.shape[:2])
     around = np.arange(rings[..., 0].size).reshape(rings.shape[:2])
-    points, quads = np.concatenate([rings.reshape(-1, 2), square.reshape(-1, 2)]), _quads(number)
+    points, quads = np.concatenate([rings.reshape(-1, 2), square.reshape(-1, 2)]), quads_of(number)
     quads = quads[(np.abs(points[quads].mean(axis=1)) > 2).any(axis=1)]
-    cells = np.concatenate([_quads(np.hstack([around, around[:, :1]])), quads])
+    cells = np.concatenate([quads_of(np.hstack([around, around[:, :1]])), quads])
     meshio.Mesh(np.hstack([points, np.zeros((len(points), 1))]), [("quad", cells)]).write(path)
 
 
@@ -103,23 +51,17 @@ def _rings(n, size):
     return circle + share[:, None, None] * (sides - circle)
 
 
-def _quads(number):
-    """Return (n, 4), anticlockwise or clockwise: the quads of a grid of vertices (rows, columns)."""
-    return np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], axis=-1).reshape(-1, 4)
-
-
 def concentration(horizon, material=""):
     """Return E times the strain along the pull at the hole's edge, across the pull, over the pull: 3 in an endless plate of local elasticity."""
     size = horizon / _CELLS
     with tempfile.TemporaryDirectory(prefix=f"pdhpc_{world().rank}_") as folder:
         file = Path(folder) / "strip.vtk"
         write_strip(file, size)
-        layer = HALF_LENGTH - horizon
-        text = STRIP.format(size=size, horizon=horizon * (1 + 1e-4), material=material, file=file, left=-layer, right=layer, end=-HALF_LENGTH, below=-size,
-                            above=size, pull=_PULL)
+        body = f'shape = "mesh"\nfile = "{file}"'
+        text = pulled(HALF_LENGTH, horizon, size, body, 'volume_correction = "none"', material) + ACROSS
         simulation = Simulation(parse_scene(text, "strip"))
     simulation.stepper.advance()
-    return simulation.probes[0].read(simulation.stepper)[0] / _PULL
+    return simulation.probes[0].read(simulation.stepper)[0] / PULL
 
 
 def of_wide_plate(found):
