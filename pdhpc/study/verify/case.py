@@ -4,6 +4,7 @@ from typing import Callable, NamedTuple
 
 from pdhpc.scene.build import build
 from pdhpc.scene.read import parse_scene
+from pdhpc.simulation import Simulation
 
 CASES = {}
 
@@ -52,6 +53,13 @@ def problem_of(text, overrides=()):
     from mpi4py import MPI
 
     return build(parse_scene(text, "verification scene", overrides), MPI.COMM_SELF)
+
+
+def simulation_of(text):
+    """Return the Simulation of a scene text in this process alone."""
+    from mpi4py import MPI
+
+    return Simulation(parse_scene(text, "verification scene"), MPI.COMM_SELF)
 
 
 def plate(cells=(40, 40), ratio=3.0, spacing=1.0, kinematics="linear", extra="", material="", dimension="plane_stress"):

@@ -5,10 +5,8 @@ from pathlib import Path
 import numpy as np
 
 from pdhpc.parallel.comm import world
-from pdhpc.scene.read import parse_scene
-from pdhpc.simulation import Simulation
 from pdhpc.study.verify.bars import PULL, pulled, quads_of
-from pdhpc.study.verify.case import Check, case
+from pdhpc.study.verify.case import Check, case, simulation_of
 
 HALF_LENGTH, HALF_WIDTH = 6.0, 4.0  # of the strip; the hole's radius is 1
 _CELLS = 3  # of the strip to a horizon; around the hole they are finer
@@ -59,7 +57,7 @@ def concentration(horizon, material=""):
         write_strip(file, size)
         body = f'shape = "mesh"\nfile = "{file}"'
         text = pulled(HALF_LENGTH, horizon, size, body, 'volume_correction = "none"', material) + ACROSS
-        simulation = Simulation(parse_scene(text, "strip"))
+        simulation = simulation_of(text)
     simulation.stepper.advance()
     return simulation.probes[0].read(simulation.stepper)[0] / PULL
 

@@ -6,9 +6,7 @@ import numpy as np
 from pdhpc.conditions.loads import PrescribedMotion
 from pdhpc.conditions.time_functions import Ramp
 from pdhpc.materials.law import family_radius
-from pdhpc.scene.read import parse_scene
-from pdhpc.simulation import Simulation
-from pdhpc.study.verify.case import Check, at_most, case, plate, problem_of
+from pdhpc.study.verify.case import Check, at_most, case, plate, problem_of, simulation_of
 from pdhpc.study.verify.elasticity import _discrete_energy, lattice_vectors
 from pdhpc.study.verify.state_based import _lattice_energy, _solid
 
@@ -171,7 +169,7 @@ def static_notch():
     """a notched strip under displacement control tears: its load drops, the energy balance closes, and both methods break the same bonds"""
     checks, alive = [], {}
     for method, breaking in (("relaxation", "all"), ("newton", "all"), ("newton", "most_strained")):
-        simulation = Simulation(parse_scene(notched(method, breaking), "strip"))
+        simulation = simulation_of(notched(method, breaking))
         rows = []
         while simulation.stepper.step < 10:
             simulation.stepper.advance()
