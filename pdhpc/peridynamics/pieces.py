@@ -7,7 +7,8 @@ from pdhpc.kernels.fragments import join_intact, lower_labels
 def label_pieces(subdomain, bind, largest, whole):
     """Return (n_owned,) int64: the lowest id of the particles that intact bonds join each one to, -1 for those that do not count. Collective.
 
-    Each rank joins its own particles, then sets take the lowest id that bonds across ranks lead to, one exchange of ghosts' ids a round until none changes.
+    Each rank joins its own particles, whose sets take their lowest id, then the lowest one that bonds across ranks lead to: an exchange of ghosts' ids a round
+    until none changes, at least two.
     Costs 12 bytes a slot while it looks.
 
     Parameters
@@ -25,6 +26,8 @@ def label_pieces(subdomain, bind, largest, whole):
     ghosts.refresh()
     join_intact(arrays, slots, label, parent, touches)
     border = slots[touches]
+    lower_labels(arrays, slots, border, label, parent)
+    ghosts.refresh()
     while largest(int(lower_labels(arrays, slots, border, label, parent))):
         ghosts.refresh()
     ghosts.free()

@@ -44,3 +44,17 @@ def test_the_same_on_one_rank(comm, path, extra):
         found.append((np.concatenate([label for _, label in labels])[order], fragments.find(SimpleNamespace(step=0))))
     assert np.array_equal(found[0][0], found[1][0]) and found[0][1] == found[1][1], "every digit of the shares too"
     assert found[0][1]["count"] >= 1 and found[0][1]["dust"] > 0.0
+
+
+@pytest.mark.mpi(min_size=2)
+def test_ids_in_no_order_in_space(comm, tmp_path_factory):
+    """The rows of a table, shuffled: on no rank has a particle near a border the lowest id of its rank, which is all that a set goes by."""
+    path = None
+    if comm.rank == 0:
+        path = tmp_path_factory.mktemp("rows") / "points.txt"
+        places = np.random.default_rng(2).permutation([(i + 0.5, j + 0.5) for i in range(60) for j in range(8)])
+        path.write_text("".join(f"{x} {y} 1.0 1\n" for x, y in places))
+    path = comm.bcast(path)
+    text = plate((60, 8)).replace("lower = [-30.0, -4.0]\n", "").replace("upper = [30.0, 4.0]\n", "").replace('shape = "box"', f'shape = "table"\nfile = "{path}"')
+    fragments = Fragments(comm, SETTINGS, build(parse_scene(text, "t"), comm).parts[0], np.ones(1))
+    assert np.all(fragments.labels() == 0) and fragments.find(SimpleNamespace(step=0))["count"] == 1
