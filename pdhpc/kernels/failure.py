@@ -14,7 +14,15 @@ _EARLY = 1e-9  # relative: how much before its limit a bond is looked at closely
 
 
 def limit_stretch(failure, law, points, i, j, inv_l):
-    """Return the stretch beyond which the bond of length 1/inv_l between particles i and j breaks; nothing of use where its energy decides."""
+    """Return the stretch beyond which the bond of length 1/inv_l between particles i and j breaks, where its stretch alone decides."""
+
+
+def released_stretch(failure, law, points, state, i, j, inv_l, s):
+    """Return the stretch at which a bond that fails at the stretch s gives up its energy: that of its limit.
+
+    The bond passed it during the step, on average in the middle. There Verlet's balance takes its energy: that of the step's start less half the work that
+    its force would have done in the step. Its energy at the step's end would be too much, by first order in the step.
+    """
 
 
 def fails(failure, law, points, state, i, j, inv_l, measure, linear):
@@ -53,11 +61,6 @@ def _limit_of_energy(failure, law, points, i, j, inv_l):
     return np.sqrt(failure.square[points.block[i], points.block[j]] * inv_l * inv_l / influence_over_length(weighting, inv_l))
 
 
-@implements(limit_stretch, PairEnergyLimit)
-def _no_limit(failure, law, points, i, j, inv_l):
-    return 0.0
-
-
 @implements(fails, StretchLimit)
 def _fails(failure, law, points, state, i, j, inv_l, measure, linear):
     return measure > law.break_at[points.block[i], points.block[j]]
@@ -85,6 +88,14 @@ def _fails_by_pair_energy(failure, law, points, state, i, j, inv_l, measure, lin
     c, p = moduli(law, near_end(law, points, state, i, j), far_end(law, state, j))
     weighting = weighting_between(law.weighting, points.block[i], points.block[j])
     return s > 0.0 and pair_energy(weighting, inv_l, s, c, p) > failure.energy[points.block[i], points.block[j]]
+
+
+@implements(released_stretch, PairEnergyLimit)
+def _released_at_pair_energy(failure, law, points, state, i, j, inv_l, s):
+    """s sqrt(w_c/w): its energy w is a quadratic form of the strain around it."""
+    c, p = moduli(law, near_end(law, points, state, i, j), far_end(law, state, j))
+    energy = pair_energy(weighting_between(law.weighting, points.block[i], points.block[j]), inv_l, s, c, p)
+    return s * np.sqrt(failure.energy[points.block[i], points.block[j]] / energy)
 
 
 @inlined
@@ -121,6 +132,10 @@ def _decide_by_stretch(record):
     @implements(fails_by_strain, record)
     def _fails_by_strain(failure, law, points, i, j, inv_l, measure, linear):
         return fails(failure, law, points, None, i, j, inv_l, measure, linear)
+
+    @implements(released_stretch, record)
+    def _released_at_limit(failure, law, points, state, i, j, inv_l, s):
+        return limit_stretch(failure, law, points, i, j, inv_l)
 
     @implements(beyond_of_eight, record)
     def _beyond_limit(failure, law, limit, weighting, near, far, inv_l, measure, linear):

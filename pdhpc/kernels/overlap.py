@@ -8,7 +8,7 @@ from pdhpc.jit import implements, kernel, sweep
 from pdhpc.kernels.cloud import BondArrays
 from pdhpc.kernels.family import break_bond, bond_strain, end_of_bonds, first_bond, inverse_length, is_alive, neighbour, over_mass, share
 from pdhpc.kernels.lattice import LatticeArrays
-from pdhpc.materials.law import bond_energy, bond_weight, far_end, moduli, moment_weight, near_end, released_stretch
+from pdhpc.materials.law import bond_energy, bond_weight, far_end, moduli, moment_weight, near_end
 
 
 @kernel
@@ -189,7 +189,8 @@ def _bond_of_bit_of_cloud(bonds, i, inside, bit):
 def break_bits(bonds, shares, points, law, state, linear, third, slots, inside, here, there, force_density, dissipated):
     """Break the bonds whose bit is set in `here` (n, n_words) and not in `there`, and take their forces out of force_density; return how many.
 
-    The force density of particle i loses share pull V_j d / (mass share), dissipated[i], J, gains its part of the bond's energy, as in reference.break_row.
+    The force density of particle i loses share pull V_j d / (mass share), dissipated[i], J, gains its part of the bond's energy at the
+    critical stretch, at which that breaks in the other copy.
     """
     broken = 0
     for n in range(len(slots)):
@@ -204,7 +205,7 @@ def break_bits(bonds, shares, points, law, state, linear, third, slots, inside, 
                 k = bond_of_bit(bonds, i, inside, 64 * w + b)
                 j = neighbour(bonds, i, k)
                 near, inv_l = near_end(law, points, state, i, j), inverse_length(bonds, i, k)
-                measure, stretch, shrink, dx, dy, dz = bond_strain(bonds, points, i, j, k, linear, third)
+                _, stretch, shrink, dx, dy, dz = bond_strain(bonds, points, i, j, k, linear, third)
                 c, p = moduli(law, near, far_end(law, state, j))
                 part = share(shares, i, k) * points.volume[j]
                 tension = bond_weight(law, law.weighting, inv_l) * (c * stretch + p * shrink) * part * over_mass(shares, i)
@@ -212,8 +213,7 @@ def break_bits(bonds, shares, points, law, state, linear, third, slots, inside, 
                 force_density[i, 1] -= tension * dy
                 if third is not None:
                     force_density[i, 2] -= tension * dz
-                s = measure if linear is not None else np.sqrt(measure) - 1.0
-                at = released_stretch(law, s, law.critical_stretch[points.block[i], points.block[j]])
+                at = law.critical_stretch[points.block[i], points.block[j]]
                 dissipated[i] += points.volume[i] * bond_energy(law, near, moment_weight(law, law.weighting, inv_l) * part, at)
                 break_bond(bonds, i, k)
                 broken += 1

@@ -4,13 +4,13 @@ It agrees with them to rounding, takes over where the vector unit is too old or 
 several blocks or volumes, the bonds of marked particles, and the bonds that break.
 """
 from pdhpc.jit import inlined, sweep
-from pdhpc.kernels.failure import fails, fails_by_strain, limit_stretch
+from pdhpc.kernels.failure import fails, fails_by_strain, released_stretch
 from pdhpc.kernels.family import (
     bond_strain, break_bond, end_of_bonds, first_bond, inverse_length, is_alive, neighbour, over_energy, over_mass, raise_of, reference_vector, row_width,
     share, stretch_of,
 )
 from pdhpc.materials.law import (
-    bond_energy, bond_weight, far_end, moduli, moment_weight, near_end, pull, released_stretch, spherical_part, stiffness, volume_energy, weighting_between,
+    bond_energy, bond_weight, far_end, moduli, moment_weight, near_end, pull, spherical_part, stiffness, volume_energy, weighting_between,
 )
 
 
@@ -136,10 +136,11 @@ def frequency_of(bonds, i, points, law, state, third):
 def break_row(bonds, i, points, law, state, linear, third, dissipated):
     """Break the bonds of particle i beyond their limit; return how many.
 
-    dissipated[i], J, gains V_i times what i loses of its energy density: its part of the energy of each bond at released_stretch, and the change of what it
-    holds beside its bonds.
+    dissipated[i], J, gains V_i times the drop of i's energy density when the bonds that break leave it at their released_stretch, the others as they are: its
+    part of the energy of each, and what it holds beside its bonds, volume_energy(left + lost) - volume_energy(left), with left and lost the sums of moment s V
+    over bonds that stay and that break.
     """
-    broken, released, before, after = 0, 0.0, 0.0, 0.0
+    broken, released, left, lost = 0, 0.0, 0.0, 0.0
     block = points.block[i]
     for k in range(first_bond(bonds, i), end_of_bonds(bonds, i)):
         if not is_alive(bonds, i, k):
@@ -148,17 +149,16 @@ def break_row(bonds, i, points, law, state, linear, third, dissipated):
         measure, _, _, _, _, _ = bond_strain(bonds, points, i, j, k, linear, third)
         s, inv_l = stretch_of(measure, linear), inverse_length(bonds, i, k)
         moment = moment_weight(law, weighting_between(law.weighting, block, points.block[j]), inv_l) * share(bonds, i, k)
-        part = moment * s * points.volume[j]
-        before += part
         if fails(law.failure, law, points, state, i, j, inv_l, measure, linear):
             break_bond(bonds, i, k)
-            at = released_stretch(law, s, limit_stretch(law.failure, law, points, i, j, inv_l))
+            at = released_stretch(law.failure, law, points, state, i, j, inv_l, s)
             released += bond_energy(law, near_end(law, points, state, i, j), moment, at) * points.volume[j]
+            lost += moment * at * points.volume[j]
             broken += 1
         else:
-            after += part
+            left += moment * s * points.volume[j]
     if broken:
         near, spherical = near_end(law, points, state, i, i), spherical_part(law, block)
-        released += (volume_energy(law, near, spherical, before) - volume_energy(law, near, spherical, after)) * over_energy(bonds, i)
+        released += (volume_energy(law, near, spherical, left + lost) - volume_energy(law, near, spherical, left)) * over_energy(bonds, i)
         dissipated[i] += points.volume[i] * released
     return broken

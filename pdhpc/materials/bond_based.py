@@ -161,13 +161,3 @@ def _volume_energy(law, near, spherical, total):
 def _spherical_part(law, block):
     """Nothing."""
     return 0.0
-
-
-@implements(laws.released_stretch, BondBasedLaw)
-def _released_stretch(law, stretch, limit):
-    """The critical stretch, which the bond passed during the step, on average in the middle of it.
-
-    The work of its force in that step is half of what it would have been, so that to first order the two agree and the energy balance closes; its energy at
-    the step's end would be too much.
-    """
-    return limit

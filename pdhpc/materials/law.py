@@ -217,7 +217,3 @@ def volume_energy(law, near, spherical, total):
 
 def spherical_part(law, block):
     """Return what `volume_energy` needs of a block."""
-
-
-def released_stretch(law, stretch, limit):
-    """Return the stretch at which a bond that breaks gives up its energy."""

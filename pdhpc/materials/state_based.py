@@ -197,9 +197,3 @@ def _volume_energy(law, near, spherical, total):
 def _spherical_part(law, block):
     """Its entry of `spherical`."""
     return law.spherical[block]
-
-
-@implements(laws.released_stretch, LinearSolidLaw)
-def _released_stretch(law, stretch, limit):
-    """The stretch it has: the energy released is the drop of the strain energy at fixed positions."""
-    return stretch

@@ -210,18 +210,29 @@ def _sum_over_pairs(material, setting, x, u, volume, pairs, linear):
 
 @case
 def lps_dissipation():
-    """LPS bonds that break dissipate the drop of strain energy at fixed positions"""
-    checks = []
+    """LPS bonds that break dissipate what they held at the critical stretch: in a body blown up beyond it, and in one pulled along an axis just to it"""
+    checks, stretch = [], 0.03
     for dimension, path in itertools.product(("plane_stress", "3d"), ("lattice", "cloud")):
         cells = (30, 30) if dimension == "plane_stress" else (14, 12, 10)
-        problem = problem_of(plate(cells, 3.0, 1.0, "finite", material=_solid(0.3, "critical_stretch = 0.02"), dimension=dimension), [f"particles.path={path}"])
-        particles, x = problem.subdomain.particles, problem.subdomain.places()
-        u = 0.03 * x + 0.02 * np.sin(x @ np.random.default_rng(2).uniform(-2, 2, (x.shape[1],) * 2))
-        particles.put(particles.displacement, u)
-        particles.place()
-        before = strain_energy_density(problem.subdomain, problem.body.law).sum()
-        stepper = problem.stepper()  # evaluates the forces, and breaks bonds, once
-        drop = before - strain_energy_density(problem.subdomain, problem.body.law).sum()
-        checks.append(Check(f"{dimension}, {path}: {stepper.broken // 2} bonds break", float(particles.dissipated.sum()), float(drop), 1e-11, "first law at rest"))
-        checks.append(Check(f"{dimension}, {path}: some break, not all", float(0 < stepper.broken < problem.subdomain.bonds.n_directed), 1.0, 0.0, "a case that tests something"))
+        d, k, _ = _moduli(dimension, 0.3)
+        critical = 0.8 * stretch
+        dissipated, _, left = _broken_apart(cells, dimension, path, critical, stretch * np.eye(d))
+        expected = math.prod(cells) * k * (d * critical) ** 2 / 2
+        checks.append(Check(f"{dimension}, {path}: all bonds break", dissipated, expected, 1e-11, "k theta^2/2 at the critical stretch, theta = d s0"))
+        checks.append(Check(f"{dimension}, {path}: bonds left", left, 0.0, 0.0, "all have one stretch"))
+        dissipated, drop, left = _broken_apart(cells, dimension, path, stretch * (1 - 1e-9), stretch * np.diag(np.arange(d) == 0))
+        checks.append(Check(f"{dimension}, {path}: bonds along an axis break", dissipated, drop, 1e-8, "drop of strain energy at fixed positions"))
+        checks.append(at_most(f"{dimension}, {path}: bonds left, share", left, 0.97, "some break"))
     return checks
+
+
+def _broken_apart(cells, dimension, path, critical, gradient):
+    """Return (energy dissipated, drop of strain energy at fixed positions, share of bonds left) of a body strained once beyond the critical stretch."""
+    problem = problem_of(plate(cells, 3.0, 1.0, "finite", material=_solid(0.3, f"critical_stretch = {critical}"), dimension=dimension), [f"particles.path={path}"])
+    particles, bonds = problem.subdomain.particles, problem.subdomain.bonds.n_directed
+    particles.put(particles.displacement, problem.subdomain.places() @ gradient)
+    particles.place()
+    before = strain_energy_density(problem.subdomain, problem.body.law).sum()
+    stepper = problem.stepper()  # evaluates the forces, and breaks bonds, once
+    after = strain_energy_density(problem.subdomain, problem.body.law).sum()
+    return float(particles.dissipated.sum()), float(before - after), 1 - stepper.broken / bonds

@@ -57,6 +57,14 @@ class Cloud:
         return broken, dissipated
 
 
+def held_by_linear_solid(cloud, material, s):
+    """Return the energy of the cloud, J, whose bonds have the stretches s: V sum_i (k - (d + 2) G/d) theta^2/2 + d (d + 2) G/(2 m) sum omega (s r)^2 V."""
+    d, k, shear = cloud.dim, material.bulk(cloud.setting), material.shear_modulus
+    part = value("gaussian", cloud.r, RADIUS) * cloud.r**2 * cloud.volume
+    m, theta, squares = (np.bincount(cloud.i, part * power, N) for power in (np.ones(len(s)), s, s**2))
+    return cloud.volume * np.sum(0.5 * (k - (d + 2) * shear / d) * (d * theta / m) ** 2 + d * (d + 2) * shear / (2 * m) * squares)
+
+
 CHOICES = list(itertools.product((2, 3), (None, True), (0, MIXED)))
 
 
@@ -83,8 +91,11 @@ def test_state_based_bonds_break_at_half_their_pull_times_elongation(dim, linear
     state = [((dim * k - (dim + 2) * shear) * theta[end] * r + dim * (dim + 2) * shear * s * r) / m[end] for end in (i, j)]
     energy = 0.5 * omega * (state[0] + state[1]) * s * r
     critical = 4 * 3e-4 / np.pi if dim == 3 else 1.5 * 3e-4
-    broken, _ = cloud.broken_pairs(np.zeros((N, 2)))
+    broken, dissipated = cloud.broken_pairs(np.zeros((N, 2)))
     assert np.array_equal(broken, (energy > critical) & (s > 0))
+    at = np.where(broken, s * np.sqrt(critical / np.where(broken, energy, 1.0)), s)  # they stored w_c when all strains were smaller by that
+    drop = held_by_linear_solid(cloud, material, at) - held_by_linear_solid(cloud, material, np.where(broken, 0.0, s))
+    assert dissipated.sum() == pytest.approx(drop, rel=1e-9)
 
 
 @pytest.mark.parametrize("dim, linear, row_block", CHOICES)
@@ -103,6 +114,9 @@ def test_compression_raises_the_critical_stretch(material, dim, linear, row_bloc
     if isinstance(material, BondBased):
         energy = 0.25 * material.micromodulus(cloud.setting) * value("gaussian", cloud.r, RADIUS) * limit**2 * cloud.r * cloud.volume**2
         assert dissipated.sum() == pytest.approx(energy[broken].sum(), rel=1e-9)
+    else:
+        drop = held_by_linear_solid(cloud, material, np.minimum(cloud.s, limit)) - held_by_linear_solid(cloud, material, np.where(broken, 0.0, cloud.s))
+        assert dissipated.sum() == pytest.approx(drop, rel=1e-9)
 
 
 @pytest.mark.parametrize("row_block", [0, MIXED])
