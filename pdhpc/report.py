@@ -77,7 +77,8 @@ def _fragment_rows(found):
 def _tip(tip):
     if tip["position"] is None:
         return "none"
-    return "at (" + ", ".join(f"{x:.5g}" for x in tip["position"]) + f") m, fastest {tip['largest_speed']:.0f} m/s"
+    place, path = (None if vector is None else "(" + ", ".join(f"{x:.5g}" for x in vector) + ")" for vector in (tip["position"], tip["path_direction"]))
+    return f"at {place} m, fastest {tip['largest_speed']:.0f} m/s" + ("" if path is None else f", on a path along {path}")
 
 
 def print_rows(rows, title=None):

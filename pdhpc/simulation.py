@@ -148,7 +148,7 @@ class Simulation:
             "broken_bonds": self.energies.latest.get("broken_bonds", 0),
             "energies": {name: value for name, value in self.energies.latest.items() if name != "broken_bonds"},
             "balance_error_relative": self.energies.relative_error() if self.energies.latest else None,
-            "tips": {tip.settings.name: {"position": tip.position, "speed": tip.speed, "largest_speed": tip.largest_speed} for tip in self.tips},
+            "tips": {tip.settings.name: tip.record() for tip in self.tips},
             "fragments": None if self.fragments is None or status != "done" else self.fragments.find(stepper),
             "warnings": self.warnings,
             "scene": self.scene.resolved(),

@@ -12,6 +12,7 @@ class CrackTip(Observer):
     """Position of the particle farthest along `direction` whose grown damage exceeds a threshold, and its speed over the last `window` seconds.
 
     Sampled four times per window; the speed is the advance along `direction` over one window divided by it, 0 until a tip was there for a whole window.
+    The path is the places that the samples found it at, each counted once as long as it stays there.
     """
 
     def __init__(self, comm, settings, members, view, dt):
@@ -19,14 +20,15 @@ class CrackTip(Observer):
         dim = view.dim
         self.comm, self.settings, self.members = comm, settings, members.astype(np.int64)
         direction = np.asarray(settings.direction or [1.0, 0.0, 0.0][:dim], float)
-        self.ahead = view.places(self.members) @ (direction / np.linalg.norm(direction))  # of the members
+        self._forward = direction / np.linalg.norm(direction)
+        self.ahead = view.places(self.members) @ self._forward  # of the members
         self.every = max(1, int(settings.window / dt / _SAMPLES_PER_WINDOW))
         self._span = max(1, int(round(settings.window / dt / self.every)))  # samples in a window
         self._samples = deque(maxlen=self._span + 1)
         self.dt, self.position, self.speed, self.largest_speed = dt, None, 0.0, 0.0
         axes = "xyz"[:dim]
         self.columns = tuple(f"{settings.name}.{axis} [m]" for axis in axes) + (f"{settings.name}.speed [m/s]",)
-        self._dim = dim
+        self._dim, self._start, self._moments = dim, None, np.zeros((1 + dim, 1 + dim))  # sum over the path of (1, x)(1, x), x from its start
 
     def start(self, stepper):
         """Look for a tip in the initial state. Collective."""
@@ -38,11 +40,32 @@ class CrackTip(Observer):
         mine = (-self.ahead[found], tuple(stepper.view.places(self.members[[found]])[0])) if found >= 0 else (np.inf, None)
         ahead, position = self.comm.allreduce(mine, op=min)
         self._samples.append(-ahead if position is not None else None)
-        self.position = position
+        self._follow(position)
         first, last = self._samples[0], self._samples[-1]
         whole = len(self._samples) == self._span + 1 and first is not None
         self.speed = (last - first) / (self._span * self.every * self.dt) if whole else 0.0
         self.largest_speed = max(self.largest_speed, self.speed)
+
+    def _follow(self, position):
+        """Take a position, or None, as the latest, and into the path when it is another than the last. Local."""
+        if position is not None and position != self.position:
+            self._start = self._start or position
+            row = np.array([1.0, *np.subtract(position, self._start)])
+            self._moments += row[:, None] * row
+        self.position = position
+
+    def path_direction(self):
+        """Return the unit vector along the line of least squared distances to the places of the path, forward; None of fewer than two places. Local."""
+        n = self._moments[0, 0]
+        if n < 2:
+            return None
+        mean = self._moments[0, 1:] / n
+        along = np.linalg.eigh(self._moments[1:, 1:] / n - mean[:, None] * mean)[1][:, -1]  # of the largest eigenvalue of the covariance
+        return (along if along @ self._forward >= 0.0 else -along).tolist()
+
+    def record(self):
+        """Return {name: value} for run.json. Local."""
+        return {"position": self.position, "speed": self.speed, "largest_speed": self.largest_speed, "path_direction": self.path_direction()}
 
     def read(self, stepper):
         """Return the values of the columns; NaN while there is no tip. Local."""
@@ -53,7 +76,8 @@ class CrackTip(Observer):
         key = f"tip/{self.settings.name}"
 
         def restore(values):
-            samples, self.position, self.speed, self.largest_speed = values
+            samples, self.position, self.speed, self.largest_speed, self._start, moments = values
             self._samples.extend(samples)
+            np.copyto(self._moments, moments)
 
-        return {key: (lambda: (list(self._samples), self.position, self.speed, self.largest_speed), restore)}
+        return {key: (lambda: (list(self._samples), self.position, self.speed, self.largest_speed, self._start, self._moments.copy()), restore)}
