@@ -109,7 +109,7 @@ def time_function(table):
 
 
 def set_initial_state(scene, body, parts, comm):
-    """Set initial displacements and velocities: u = u0 + G (x - origin). Collective."""
+    """Set initial displacements and velocities: u = u0 + G (x - origin), and what the velocity has about an axis. Collective."""
     for number, initial in enumerate(scene.initial):
         selected = select_particles(scene, body, parts, comm, initial.region, f"initial[{number}]: region")
         for part, inside in zip(parts, selected):
@@ -121,7 +121,8 @@ def _add_initial_state(initial, subdomain, members):
     particles = subdomain.particles
     if len(members):
         slots = particles.slots[members]
-        offset = subdomain.places(members) - np.asarray(initial.origin if initial.origin is not None else [0.0] * particles.dim)
+        places, about_axis = subdomain.places(members), initial.about_axis(particles.dim)
+        offset = places - np.asarray(initial.origin if initial.origin is not None else [0.0] * particles.dim)
         for target, constant, gradient in (
             (particles.displacement, initial.displacement, initial.displacement_gradient),
             (particles.velocity, initial.velocity, initial.velocity_gradient),
@@ -130,3 +131,5 @@ def _add_initial_state(initial, subdomain, members):
                 target[slots] += np.asarray(constant)
             if gradient is not None:
                 target[slots] += offset @ np.asarray(gradient).T
+        if about_axis is not None:
+            particles.velocity[slots] += about_axis.velocity(places)

@@ -258,6 +258,9 @@ class CoupledParts:
                     target[inside] += np.asarray(constant)
                 if gradient is not None:
                     target[inside] += offset[inside] @ np.asarray(gradient).T
+            about_axis = initial.about_axis(self.mesh.dim)
+            if about_axis is not None:
+                self.solution.velocity[inside] += about_axis.velocity(self.mesh.points[inside])
 
 
 def _box(scene, body):

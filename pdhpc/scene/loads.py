@@ -1,8 +1,14 @@
 """Loads, prescribed motions, their time functions, and initial states as tables of the scene."""
 from typing import Literal, Optional
 
-from pdhpc.scene.fields import FreeVector, Matrix, Name, NotNegative, Number, Numbers, Positive, Rule, Table, Vector, check_vector, key
+from pdhpc.conditions.axial_motion import AxialMotion
+from pdhpc.scene.fields import (
+    FreeVector, Matrix, Name, NotNegative, Number, Numbers, Positive, Rule, Table, Vector, check_direction, check_vector, key,
+)
 from pdhpc.scene.shapes import one_of
+
+ABOUT_AXIS = ("radial_velocity", "axial_velocity", "angular_velocity")
+Z_AXIS = (0.0, 0.0, 1.0)
 
 
 class _Time(Table):
@@ -126,22 +132,55 @@ Load = one_of([DisplacementLoad, VelocityLoad, ForceDensityLoad, TractionLoad, G
 
 
 class Initial(Table):
-    """Initial state of a region: u = displacement + displacement_gradient (x - origin), likewise for the velocity."""
+    """Initial state of a region: u = displacement + displacement_gradient (x - origin), likewise for the velocity, and what it has about an axis."""
 
     region: Name = key("region it holds for", default="all")
     displacement: Optional[Vector] = key("uniform displacement u0", "m", "u = u0 + G (x - origin)", default=None)
     displacement_gradient: Optional[Matrix] = key("rows of the displacement gradient G", "1", "u = u0 + G (x - origin)", default=None)
     velocity: Optional[Vector] = key("uniform velocity v0", "m/s", "v = v0 + G (x - origin)", default=None)
     velocity_gradient: Optional[Matrix] = key("rows of the velocity gradient G", "1/s", "v = v0 + G (x - origin)", default=None)
-    origin: Optional[Vector] = key("point where the gradients' part is zero (default: the origin of the coordinates)", "m", default=None)
+    radial_velocity: Optional[Numbers] = key(
+        "coefficients c0, c1, ... of the velocity away from an axis through the origin, 0 on it; z: place along the axis, 0 in 2D", "m/s",
+        "v_r = sum_k c_k (z/length)^k", default=None)
+    axial_velocity: Optional[Numbers] = key("coefficients of the velocity along the axis, 3D", "m/s", "v_z = sum_k c_k (z/length)^k", default=None)
+    angular_velocity: Optional[Numbers] = key(
+        "coefficients of the angular velocity about the axis, counterclockwise", "rad/s", "v = w a x (x - origin), w = sum_k c_k (z/length)^k", default=None)
+    axis: Optional[Vector] = key("direction a of the axis, of any length, 3D (default z)", "1", default=None)
+    length: Optional[Positive] = key("length that z is measured in (default 1 m)", "m", default=None)
+    origin: Optional[Vector] = key("point where the gradients' part is zero, on the axis with z = 0 (default: the origin of the coordinates)", "m", default=None)
 
     def check(self, dim):
         """Raise a Rule for wrong sizes or when nothing is given."""
         for name in ("displacement", "velocity", "origin"):
             check_vector(name, getattr(self, name), dim)
+        self._check_axis(dim)
         for name in ("displacement_gradient", "velocity_gradient"):
             rows = getattr(self, name)
             if rows is not None and (len(rows) != dim or any(len(row) != dim for row in rows)):
                 raise Rule(name, rows, f"{dim} rows of {dim} numbers")
-        if all(getattr(self, name) is None for name in ("displacement", "displacement_gradient", "velocity", "velocity_gradient")):
-            raise Rule("displacement", "nothing", "at least one of displacement, displacement_gradient, velocity, velocity_gradient")
+        names = ("displacement", "displacement_gradient", "velocity", "velocity_gradient", *ABOUT_AXIS)
+        if all(getattr(self, name) is None for name in names):
+            raise Rule("displacement", "nothing", f"at least one of {', '.join(names)}")
+
+    def _check_axis(self, dim):
+        """Raise a Rule for what an axis cannot have in `dim` dimensions, or that nothing uses."""
+        given = [name for name in ABOUT_AXIS if getattr(self, name) is not None]
+        for name in ("axis", "length"):
+            if getattr(self, name) is not None and not given:
+                raise Rule(name, getattr(self, name), f"none without {', '.join(ABOUT_AXIS[:2])} or {ABOUT_AXIS[2]}")
+        if dim == 3:
+            check_direction("axis", self.axis, dim)
+            return
+        for name in ("axis", "axial_velocity", "length"):
+            if getattr(self, name) is not None:
+                raise Rule(name, getattr(self, name), "none in 2D: the axis points out of the plane, where z = 0")
+        for name in given:
+            if len(getattr(self, name)) > 1:
+                raise Rule(name, getattr(self, name), "one number in 2D, where z = 0")
+
+    def about_axis(self, dim):
+        """Return the AxialMotion, None where there is none."""
+        radial, axial, angular = (tuple(getattr(self, name) or ()) for name in ABOUT_AXIS)
+        if not (radial or axial or angular):
+            return None
+        return AxialMotion(tuple(self.origin or [0.0] * dim), tuple(self.axis or Z_AXIS), self.length or 1.0, radial, axial, angular)

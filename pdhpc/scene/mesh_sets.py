@@ -198,11 +198,11 @@ def _body_forces(load, sets, elasticity, nodes, key):
 
 
 def set_initial_state(scene, sets, elasticity, nodes):
-    """Set initial displacements and velocities of owned vertices: u = u0 + G (x - origin). Collective."""
+    """Set initial displacements and velocities of owned vertices: u = u0 + G (x - origin), and what the velocity has about an axis. Collective."""
     for number, initial in enumerate(scene.initial):
         members = np.flatnonzero(sets.vertices(initial.region, f"initial[{number}]: region"))
-        slots = nodes.owned_slots[members]
-        offset = sets.mesh.points[members] - np.asarray(initial.origin if initial.origin is not None else [0.0] * scene.dim)
+        slots, places, about_axis = nodes.owned_slots[members], sets.mesh.points[members], initial.about_axis(scene.dim)
+        offset = places - np.asarray(initial.origin if initial.origin is not None else [0.0] * scene.dim)
         for target, constant, gradient in (
             (nodes.displacement, initial.displacement, initial.displacement_gradient),
             (nodes.velocity, initial.velocity, initial.velocity_gradient),
@@ -211,3 +211,6 @@ def set_initial_state(scene, sets, elasticity, nodes):
             values = offset @ matrix.T + (0.0 if constant is None else np.asarray(constant))
             gradients = np.broadcast_to(matrix, (len(members), scene.dim, scene.dim))
             target[slots] += elasticity.basis.interpolated(sets.mesh, values, gradients).reshape(len(members), -1)
+        if about_axis is not None:
+            unknowns = elasticity.basis.interpolated(sets.mesh, about_axis.velocity(places), about_axis.gradient(places))
+            nodes.velocity[slots] += unknowns.reshape(len(members), -1)

@@ -52,3 +52,13 @@ def test_initial_states_add_up(path):
     particles, x = subdomain.particles, subdomain.places()
     assert np.allclose(particles.owned(particles.velocity), np.stack([1.0 + 3.0 * (x[:, 1] - 1.0), np.full(16, 2.0)], axis=1))
     assert np.allclose(particles.owned(particles.displacement), [0.1, 0.0])
+
+
+@pytest.mark.parametrize("path", PATHS)
+def test_a_body_that_expands_and_spins(path):
+    extra = "[[initial]]\nvelocity = [1.0, 2.0]\n[[initial]]\nradial_velocity = [3.0]\nangular_velocity = [0.5]\norigin = [0.0, 1.0]\n"
+    subdomain = problem_of(plate((4, 4), extra=extra), [f"particles.path={path}"]).subdomain
+    x, y = subdomain.places().T
+    r = np.hypot(x, y - 1.0)
+    expected = np.stack([1.0 + 3.0 * x / r - 0.5 * (y - 1.0), 2.0 + 3.0 * (y - 1.0) / r + 0.5 * x], axis=1)
+    assert np.allclose(subdomain.particles.owned(subdomain.particles.velocity), expected)

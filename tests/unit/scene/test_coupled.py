@@ -63,6 +63,14 @@ def test_initial_motion_is_set_at_vertices_and_taken_by_particles(coupled_body):
     assert particles.position[slots] == pytest.approx(np.broadcast_to((0.5, 0.0), (len(slots), 2)))
 
 
+def test_a_coupled_body_that_spins(coupled_body):
+    problem = coupled_body(extra="[[initial]]\nangular_velocity = [2.0]\norigin = [1.0, 2.0]\n")
+    stepper = problem.stepper()
+    standard, solution = ~stepper.patches.chosen, stepper.solution
+    places = solution.mesh.points[standard]
+    assert solution.velocity[standard] == pytest.approx(np.stack([-2.0 * (places[:, 1] - 2.0), 2.0 * (places[:, 0] - 1.0)], axis=1))
+
+
 def test_holes_have_no_cells(coupled_body_text, comm):
     text = coupled_body_text().replace("[time]", '[[body.hole]]\nshape = "box"\nlower = [4.0, -8.0]\nupper = [8.0, -4.0]\n[time]', 1)
     parts = build_coupled(parse_scene(text, "scene"), comm).coupled_parts

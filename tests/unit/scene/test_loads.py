@@ -48,3 +48,27 @@ def test_initial_states():
         Initial(velocity_gradient=[[1.0, 0.0], [1.0]]).check(2)
     with pytest.raises(Rule, match="origin"):
         Initial(velocity=[1.0, 0.0], origin=[0.0]).check(2)
+
+
+def test_velocities_about_an_axis():
+    Initial(radial_velocity=[1.0, 0.0, 2.0], axial_velocity=[0.0, 3.0], angular_velocity=[4.0], axis=[0.0, 0.0, 2.0], length=0.5).check(3)
+    Initial(radial_velocity=[1.0], angular_velocity=[2.0], origin=[3.0, 4.0]).check(2)
+    motion = Initial(radial_velocity=[1.0], origin=[3.0, 4.0]).about_axis(2)
+    assert motion.origin == (3.0, 4.0) and motion.radial == (1.0,) and motion.axial == motion.angular == () and motion.length == 1.0
+    assert Initial(velocity=[1.0, 0.0]).about_axis(2) is None
+    assert Initial(axial_velocity=[1.0]).about_axis(3).axis == (0.0, 0.0, 1.0)
+
+
+@pytest.mark.parametrize("table, dim, words", [
+    ({"velocity": [1.0, 0.0, 0.0], "axis": [0.0, 0.0, 1.0]}, 3, "axis = .*none without radial_velocity"),
+    ({"velocity": [1.0, 0.0], "length": 2.0}, 2, "length = 2.0"),
+    ({"radial_velocity": [1.0], "axis": [0.0, 0.0, 0.0]}, 3, "not zero"),
+    ({"radial_velocity": [1.0], "axis": [0.0, 1.0]}, 3, "3 components"),
+    ({"radial_velocity": [1.0, 2.0]}, 2, "one number in 2D"),
+    ({"axial_velocity": [1.0]}, 2, "axial_velocity = .*none in 2D"),
+    ({"angular_velocity": [1.0], "axis": [0.0, 1.0]}, 2, "axis = .*none in 2D"),
+    ({"angular_velocity": [1.0], "length": 1.0}, 2, "length = .*none in 2D"),
+])
+def test_impossible_axes(table, dim, words):
+    with pytest.raises(Rule, match=words):
+        Initial(**table).check(dim)

@@ -89,6 +89,17 @@ def test_initial_states_add_up(comm):
     assert np.allclose(nodes.owned(nodes.velocity), np.stack([1.0 + 3.0 * (x[:, 1] - 1.0), np.full(len(x), 2.0)], axis=1)) and np.allclose(nodes.owned(nodes.displacement), [0.1, 0.0])
 
 
+@pytest.mark.parametrize("functions", ["hat", "flat_top"])
+def test_a_body_that_spins(comm, functions):
+    """A turn is linear in place: flat-top functions carry it by their gradients."""
+    overrides = ["fem.integration=newmark", f"fem.partition_of_unity={functions}", "time.dt=0.1"]
+    problem = problem_of(comm, FEM + "[[initial]]\nangular_velocity = [2.0]\norigin = [0.0, 1.0]\n", overrides)
+    nodes, x, basis = problem.nodes, problem.body.mesh.points, problem.elasticity.basis
+    turn = np.array([[0.0, -2.0], [2.0, 0.0]])
+    expected = basis.interpolated(problem.body.mesh, (x - [0.0, 1.0]) @ turn.T, np.broadcast_to(turn, (len(x), 2, 2)))
+    assert np.allclose(nodes.owned(nodes.velocity), expected.reshape(len(x), -1))
+
+
 GROUP = '[[region]]\nname = "g"\nshape = "group"\ngroup = "{group}"\n'
 
 
