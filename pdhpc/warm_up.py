@@ -1,7 +1,7 @@
 """Compile the kernels of a run on a tiny body, so that one process per node fills the cache before the others read it."""
 import contextlib
 import itertools
-from typing import NamedTuple
+from typing import NamedTuple, Optional
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from pdhpc.kernels.contact import ContactLaw
 from pdhpc.kernels.neighbours import count_neighbours
 from pdhpc.kernels.overlap import words_of
 from pdhpc.materials.bond_based import BondBased
-from pdhpc.materials.failure import EnergyLimit, PairEnergyLimit, SoftenedLimit
+from pdhpc.materials.failure import EnergyLimit, PairEnergyLimit, ScatteredLimit, SoftenedLimit
 from pdhpc.materials.law import PairWeighting, Setting
 from pdhpc.materials.state_based import LinearSolid
 from pdhpc.mts import decomposition
@@ -69,21 +69,23 @@ class NoGhosts:
 class Variant(NamedTuple):
     """Which kernels of a law and storage a scene uses beside the plain ones.
 
-    horizons : they differ between bodies. correction : of surfaces, a name. failure : "stretch" or "energy". softening : of the critical stretch. influence : a
-    name, for measuring.
+    horizons : they differ between bodies. correction : of surfaces, a name. failure : "stretch" or "energy". softening : of the critical stretch. modulus :
+    Weibull's, of its scatter. influence : a name, for measuring.
     """
 
     horizons: bool = False
     correction: str = "none"
     failure: str = "stretch"
     softening: float = 0.0
+    modulus: Optional[float] = None
     influence: str = "constant"
 
 
 def variant_of(law, correction):
     """Return the Variant of a law and the name of a surface correction."""
     energy = isinstance(law.failure, (EnergyLimit, PairEnergyLimit))
-    return Variant(isinstance(law.weighting, PairWeighting), correction, "energy" if energy else "stretch", float(isinstance(law.failure, SoftenedLimit)))
+    softening, modulus = float(isinstance(law.failure, SoftenedLimit)), 10.0 if isinstance(law.failure, ScatteredLimit) else None
+    return Variant(isinstance(law.weighting, PairWeighting), correction, "energy" if energy else "stretch", softening, modulus)
 
 
 def block(dim, cells, ratio, linear=False, path="lattice", model="pmb", variant=Variant()):
@@ -92,7 +94,7 @@ def block(dim, cells, ratio, linear=False, path="lattice", model="pmb", variant=
     bodies = [LatticeBody(Box((0.0,) * dim, (cells * spacing,) * dim), spacing, 0)]
     setting = Setting("3d" if dim == 3 else "plane_stress", ratio * spacing, 1.0, variant.influence, spacing, "none", linear)
     kind, moduli = (BondBased, (200e9,)) if model == "pmb" else (LinearSolid, (160e9, 80e9))
-    material = kind("steel", 7800.0, *moduli, 1e4, failure=variant.failure, stretch_softening=variant.softening)
+    material = kind("steel", 7800.0, *moduli, 1e4, failure=variant.failure, stretch_softening=variant.softening, weibull_modulus=variant.modulus)
     blocks, settings = [(material, True)], [setting]
     if variant.horizons:
         blocks, settings = 2 * blocks, [setting, setting._replace(horizon=0.9 * setting.horizon)]
@@ -193,7 +195,7 @@ def compile_equilibrium(dim, path, model, linear, variant=Variant()):
     particles = subdomain.particles
     subdomain.particles.place()
     conditions = ParticleConditions(particles, law.density, [], [PrescribedMotion(particles.slots[:1], [0], [0.0], Constant(), "displacement")])
-    sums, path = Alone(), LoadPath(1.0, 0.5, 2, variant.failure == "stretch" and not variant.softening, 1, 1e-3, 1)
+    sums, path = Alone(), LoadPath(1.0, 0.5, 2, variant.failure == "stretch" and not variant.softening and variant.modulus is None, 1, 1e-3, 1)
     relaxation, newton = (method(subdomain, law, conditions, NoGhosts, sums, path) for method in (Relaxation, Newton))
     with contextlib.suppress(SolverError):  # of rounding, which no iteration brings to rest
         relaxation.advance()

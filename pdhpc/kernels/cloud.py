@@ -7,7 +7,7 @@ import numpy as np
 
 from pdhpc.jit import implements, inlined
 from pdhpc.kernels import family, reference
-from pdhpc.kernels.failure import beyond_of_eight, limit_of_block, strained_of_eight
+from pdhpc.kernels.failure import beyond_of_eight, limit_of_block, limit_of_eight, strained_of_eight
 from pdhpc.kernels.family import MIXED, VARIED
 from pdhpc.kernels.neighbours import BondArrays, CorrectedArrays
 from pdhpc.kernels.simd import (
@@ -153,7 +153,8 @@ def force_of_row(bonds, shares, volumes, i, points, law, state, linear, third, f
         measure, stretch, shrink, dx, dy, dz = _strains(bonds, i, k, points, inv_l, linear, third)
         far = far_ends(law, state, bonds, k)
         tension = corrected(bonds, k, pull(law, near, far, bond_weight(law, weighting, inv_l), stretch, shrink))
-        beyond = either(beyond, both(live, beyond_of_eight(law.failure, law, limit, weighting, near, far, inv_l, measure, linear)))
+        limits = limit_of_eight(law.failure, limit, points, i, bonds.neighbour, k, linear)
+        beyond = either(beyond, both(live, beyond_of_eight(law.failure, law, limits, weighting, near, far, inv_l, measure, linear)))
         if shares is not None:
             tension = tension * load8(shares.weight, shares.row_start[shares.row[i]] + k - bonds.row_start[i])
         if volumes is not None:
@@ -187,7 +188,8 @@ def dilatation_of_row(bonds, shares, volumes, i, points, law, state, linear, thi
         if volumes is not None:
             extension = extension * gather8(volumes, bonds.neighbour, k)
         total = select(live, fma(moment_weight(law, weighting, inv_l), extension, total), total)
-        beyond = either(beyond, both(live, strained_of_eight(law.failure, limit, measure)))
+        limits = limit_of_eight(law.failure, limit, points, i, bonds.neighbour, k, linear)
+        beyond = either(beyond, both(live, strained_of_eight(law.failure, limits, measure)))
     volume = points.volume[i] if volumes is None else 1.0
     if shares is not None:
         volume = volume * shares.over_energy[shares.row[i]]

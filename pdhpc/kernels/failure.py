@@ -6,8 +6,8 @@ import numpy as np
 
 from pdhpc.jit import implements, inlined
 from pdhpc.kernels.family import stretch_of
-from pdhpc.kernels.simd import both, lane_mask, root8
-from pdhpc.materials.failure import EnergyLimit, PairEnergyLimit, SoftenedLimit, StretchLimit
+from pdhpc.kernels.simd import at, both, gather8, lane_mask, load8, root8
+from pdhpc.materials.failure import EnergyLimit, PairEnergyLimit, ScatteredLimit, SoftenedLimit, StretchLimit
 from pdhpc.materials.law import far_end, influence_over_length, moduli, near_end, uncorrected, weighting_between
 
 _EARLY = 1e-9  # relative: how much before its limit a bond is looked at closely
@@ -37,6 +37,14 @@ def limit_of_block(failure, law, block):
     """Return the limit that beyond_of_eight compares with, of bonds within a block."""
 
 
+def limit_of_eight(failure, limit, points, i, neighbour, k, linear):
+    """Return what beyond_of_eight compares with of eight bonds of particle i, of a cloud, to the neighbours in slots k ... k + 7, from limit_of_block."""
+
+
+def trigger_of_eight(failure, bonds, points, i, j, row, k, linear):
+    """Return the trigger (LatticeArrays) of bond k of eight particles of a lattice from slot i on, their neighbours from slot j on; row: of the table."""
+
+
 def beyond_of_eight(failure, law, limit, weighting, near, far, inv_l, measure, linear):
     """Return which of eight bonds within a block may be beyond their limits; near, far, inv_l, measure: of each."""
 
@@ -55,6 +63,12 @@ def _raised_limit(failure, law, points, i, j, inv_l):
     return law.critical_stretch[points.block[i], points.block[j]] + min(points.raised[i], points.raised[j])
 
 
+@implements(limit_stretch, ScatteredLimit)
+def _scattered_limit(failure, law, points, i, j, inv_l):
+    near, far = points.block[i], points.block[j]
+    return min(points.strength[i] * failure.own[near, far], points.strength[j] * failure.own[far, near])
+
+
 @implements(limit_stretch, EnergyLimit)
 def _limit_of_energy(failure, law, points, i, j, inv_l):
     weighting = uncorrected(weighting_between(law.weighting, points.block[i], points.block[j]))
@@ -67,13 +81,24 @@ def _fails(failure, law, points, state, i, j, inv_l, measure, linear):
 
 
 @inlined
+def _measure_of(stretch, linear):
+    """Return the measure of a bond at a stretch."""
+    return stretch if linear is not None else (1.0 + stretch) * (1.0 + stretch)
+
+
+@inlined
 def _beyond(limit, measure, linear):
     """Return whether a measure is beyond that of a stretch."""
-    return measure > (limit if linear is not None else (1.0 + limit) * (1.0 + limit))
+    return measure > _measure_of(limit, linear)
 
 
 @implements(fails, SoftenedLimit)
 def _fails_when_raised(failure, law, points, state, i, j, inv_l, measure, linear):
+    return _beyond(limit_stretch(failure, law, points, i, j, inv_l), measure, linear)
+
+
+@implements(fails, ScatteredLimit)
+def _fails_when_scattered(failure, law, points, state, i, j, inv_l, measure, linear):
     return _beyond(limit_stretch(failure, law, points, i, j, inv_l), measure, linear)
 
 
@@ -141,14 +166,50 @@ def _decide_by_stretch(record):
     def _beyond_limit(failure, law, limit, weighting, near, far, inv_l, measure, linear):
         return measure > limit
 
-    @implements(limit_of_block, record)
-    def _lowest_limit(failure, law, block):
-        return law.break_at[block, block]
-
     @implements(strained_of_eight, record)
     def _strained(failure, limit, measure):
         return measure > limit
 
 
-for _record in (StretchLimit, SoftenedLimit, EnergyLimit):
+def _know_lowest(record):
+    """Let the law's break_at be the lowest limit of all bonds within a block."""
+
+    @implements(limit_of_block, record)
+    def _lowest_limit(failure, law, block):
+        return law.break_at[block, block]
+
+
+def _limit_blocks(record):
+    """Let all bonds within a block be compared with one limit."""
+
+    @implements(limit_of_eight, record)
+    def _limit_of_their_block(failure, limit, points, i, neighbour, k, linear):
+        return limit
+
+    @implements(trigger_of_eight, record)
+    def _trigger_of_their_block(failure, bonds, points, i, j, row, k, linear):
+        return at(bonds.trigger, row * len(bonds.offset) + k)
+
+
+for _record in (StretchLimit, SoftenedLimit, EnergyLimit, ScatteredLimit):
     _decide_by_stretch(_record)
+for _record in (StretchLimit, SoftenedLimit, EnergyLimit):
+    _know_lowest(_record)
+for _record in (StretchLimit, SoftenedLimit, EnergyLimit, PairEnergyLimit):
+    _limit_blocks(_record)
+
+
+@implements(limit_of_block, ScatteredLimit)
+def _unscattered(failure, law, block):
+    return failure.lowest[block]
+
+
+@implements(limit_of_eight, ScatteredLimit)
+def _scattered_of_eight(failure, limit, points, i, neighbour, k, linear):
+    return _measure_of(limit * min(points.strength[i], gather8(points.strength, neighbour, k)), linear) * (1.0 - _EARLY)
+
+
+@implements(trigger_of_eight, ScatteredLimit)
+def _scattered_trigger(failure, bonds, points, i, j, row, k, linear):
+    limit = _measure_of(failure.lowest[row] * min(load8(points.strength, i), load8(points.strength, j)), linear)
+    return limit * (at(bonds.length, k) * at(bonds.length, k) * (1.0 - _EARLY))

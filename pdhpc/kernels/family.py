@@ -25,7 +25,8 @@ class PointArrays(NamedTuple):
     reference (n, width), m (of a cloud; empty in a lattice); position (n, width), m: current positions (finite kinematics) or displacements (linear); width 2
     in 2D; in 3D 4 in a cloud, so that a row is one load, and 3 in a lattice, where each component lies together;
     volume (n,), m^3; block (n,) uint8; row_block (n_owned,) uint8, of a cloud: the block of the whole row, MIXED or VARIED;
-    raised (n,): by how much compression raises the critical stretch of a particle, of materials that soften so (materials/failure.py), else empty.
+    raised (n,): by how much compression raises the critical stretch of a particle, of materials that soften so (materials/failure.py), else empty;
+    strength (n_slots,): factors of the critical stretch of particles of materials that scatter (kernels/strength.py), 1 where no particle is, else empty.
     """
 
     reference: np.ndarray
@@ -34,6 +35,7 @@ class PointArrays(NamedTuple):
     block: np.ndarray
     row_block: np.ndarray
     raised: np.ndarray = np.empty(0)
+    strength: np.ndarray = np.empty(0)
 
 
 def first_bond(bonds, i):

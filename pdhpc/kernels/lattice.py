@@ -10,6 +10,7 @@ import numpy as np
 
 from pdhpc.jit import implements, inlined
 from pdhpc.kernels import family
+from pdhpc.kernels.failure import trigger_of_eight
 from pdhpc.kernels.family import MIXED
 from pdhpc.kernels.simd import (
     LANES, any_of, as_vector, at, both, either, fma, fnma, has_bit, lane_mask, lane_max, larger, load8, lookup8, pick8, root8, rsqrt8, select, splat, store8,
@@ -174,7 +175,7 @@ def _block_force(bonds, shares, i, points, law, state, linear, third, force_dens
             j = i + at(bonds.offset, k)
             along2, dx, dy, dz = _vectors(bonds, position, j, k, px, py, pz, linear, third)
             live = has_bit(states, k - WORD * word)
-            beyond = either(beyond, both(live, along2 > at(bonds.trigger, row * count + k)))
+            beyond = either(beyond, both(live, along2 > trigger_of_eight(law.failure, bonds, points, i, j, row, k, linear)))
             c, p = bond_moduli(near, law, points, state, i, j)
             if linear is not None:
                 weight, stretch = at(bonds.weight, row * count + k), along2 * (at(bonds.inv_length, k) * at(bonds.inv_length, k))
@@ -214,9 +215,10 @@ def dilatation_of_eight(bonds, shares, i, points, law, state, linear, third):
     for word in range(bonds.alive.shape[0]):
         states = words8(bonds.alive, word * n + i)
         for k in range(WORD * word, min(count, WORD * word + WORD)):
-            along2, dx, dy, dz = _vectors(bonds, position, i + at(bonds.offset, k), k, px, py, pz, linear, third)
+            j = i + at(bonds.offset, k)
+            along2, dx, dy, dz = _vectors(bonds, position, j, k, px, py, pz, linear, third)
             live = has_bit(states, k - WORD * word)
-            beyond = either(beyond, both(live, along2 > at(bonds.trigger, row * count + k)))
+            beyond = either(beyond, both(live, along2 > trigger_of_eight(law.failure, bonds, points, i, j, row, k, linear)))
             s = select(live, _stretches(bonds, k, along2, linear), splat(0.0))
             if shares is not None:
                 s = s * weight_of_eight(shares, i, k)

@@ -39,7 +39,8 @@ class BondBasedLaw(NamedTuple):
 class BondBased:
     """Parameters of a PMB material: pair force density t = c omega(r) beta(r) s along the deformed bond, s = (|y'| - r)/r, until s exceeds s0.
 
-    failure : "stretch" or, in the place of s0, "energy"; stretch_softening : alpha; see materials/failure.py.
+    failure : "stretch" or, in the place of s0, "energy"; stretch_softening : alpha; weibull_modulus, weibull_seed, weibull_length (m) : of the scatter of s0; see
+    materials/failure.py.
     youngs_modulus, Pa; density, kg/m^3; energy_release_rate, J/m^2, or critical_stretch: at most one of them; neither means that bonds never break.
     Exchanged fields: positions (refresh), nothing else.
     """
@@ -51,6 +52,9 @@ class BondBased:
     critical_stretch: Optional[float] = None
     failure: str = "stretch"
     stretch_softening: float = 0.0
+    weibull_modulus: Optional[float] = None
+    weibull_seed: int = 1
+    weibull_length: float = 0.0
 
     formula = CRITICAL_STRETCH_FORMULA
 
@@ -90,7 +94,7 @@ class BondBased:
         own = of_pairs(blocks, setting, lambda material, between: material.micromodulus(between))
         pairs = np.where(own == own.T, own, 2 * own * own.T / (own + own.T))
         density = np.array([material.density for material, _ in blocks])
-        limits = energy_limits(blocks, setting) if blocks[0][0].failure == "energy" else (*stretch_limits(blocks, setting), stretch_failure(blocks))
+        limits = energy_limits(blocks, setting) if blocks[0][0].failure == "energy" else (*stretch_limits(blocks, setting), stretch_failure(blocks, setting))
         return BondBasedLaw(pairs, *limits[:2], density, make_weightings(settings_of(blocks, setting)), limits[2])
 
 

@@ -52,7 +52,8 @@ class LinearSolid:
     3D: d = 3, k = K (Silling et al. 2007, eq. 105); 2D: d = 2, k = K + G/3 in plane strain, k = E/(2 (1 - nu)) in plane stress. Broken bonds leave the sums,
     m stays that of the initial family; t is then still the exact derivative of W = (k - (d+2)G/d) theta^2/2 + d(d+2)G/(2m) sum omega e^2 V.
     bulk_modulus, shear_modulus (of 3D), Pa; density, kg/m^3; energy_release_rate, J/m^2, or critical_stretch, or neither.
-    failure : "stretch" or "energy"; stretch_softening : alpha; see materials/failure.py.
+    failure : "stretch" or "energy"; stretch_softening : alpha; weibull_modulus, weibull_seed, weibull_length (m) : of the scatter of s0; see
+    materials/failure.py.
     Exchanged fields: positions and p_i, see LinearSolidLaw (refresh).
     """
 
@@ -64,6 +65,9 @@ class LinearSolid:
     critical_stretch: Optional[float] = None
     failure: str = "stretch"
     stretch_softening: float = 0.0
+    weibull_modulus: Optional[float] = None
+    weibull_seed: int = 1
+    weibull_length: float = 0.0
 
     formula = CRITICAL_STRETCH_FORMULA
 
@@ -114,7 +118,7 @@ class LinearSolid:
         spherical = (bulk - (dim + 2) / dim * shear) * (dim / deviatoric) ** 2
         bound = np.maximum(1.0, dim**2 * bulk / deviatoric)
         density = np.array([material.density for material, _ in blocks])
-        limits = energy_limits(blocks, setting) if blocks[0][0].failure == "energy" else (*stretch_limits(blocks, setting), stretch_failure(blocks))
+        limits = energy_limits(blocks, setting) if blocks[0][0].failure == "energy" else (*stretch_limits(blocks, setting), stretch_failure(blocks, setting))
         return LinearSolidLaw(deviatoric, volumetric, spherical, bound, dim / deviatoric, *limits[:2], density, make_weightings(settings), limits[2])
 
 

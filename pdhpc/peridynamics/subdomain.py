@@ -7,11 +7,13 @@ from pdhpc.kernels import sweeps
 from pdhpc.kernels.family import MIXED, VARIED, PointArrays
 from pdhpc.kernels.neighbours import CorrectedArrays, count_neighbours
 from pdhpc.kernels.shared import row_width_of, share_bonds
+from pdhpc.kernels.strength import scatter_strengths
 from pdhpc.peridynamics.bonds import find_families
 from pdhpc.peridynamics.particles import Particles
 
 SAMPLE = 60_000
 """Particles per rank that the partition is computed from: its imbalance is then about half a percent."""
+_PIECE = 1 << 18  # particles whose places are looked up at once: bounds the temporary memory
 _MARGIN = 1e-6  # relative to the family radius: points this far outside still count as candidates for ghosts
 
 
@@ -66,8 +68,10 @@ class Subdomain:
     def make_state(self, law):
         """Make the state of a state-based law: a_i of the owned particles from their intact bonds, and p_i; nothing for other laws. Local.
 
-        The ghosts' a_i must be refreshed once. Particles of materials that soften get their `raised` (kernels/failure.py).
+        The ghosts' a_i must be refreshed once. Particles of materials that soften get their `raised` (kernels/failure.py), of those that scatter their `strength`.
         """
+        if hasattr(law.failure, "modulus"):
+            self._scatter(law)
         if hasattr(law.failure, "softening"):
             self.points = self.points._replace(raised=np.zeros(len(self.points.position)))
         if not hasattr(law, "volumetric"):
@@ -76,6 +80,15 @@ class Subdomain:
         lattice = not self.particles.contiguous
         self.state = np.zeros((2, n_slots)).T if lattice else np.zeros((n_slots, 2))
         sweeps.weighted_volumes(self.bonds.arrays, self.points, law, self.particles.slots, self.state)
+
+    def _scatter(self, law):
+        """Draw the strengths of owned particles and of ghosts. Local."""
+        particles, strength = self.particles, np.ones(len(self.points.position))
+        slots = np.concatenate([particles.slots, particles.ghost_slots])
+        for first in range(0, len(slots), _PIECE):
+            piece = slice(first, first + _PIECE)
+            scatter_strengths(particles.id[piece], self.places_at(slots[piece]), slots[piece], particles.block, law.failure, strength)
+        self.points = self.points._replace(strength=strength)
 
     def correct_surfaces(self, factor):
         """Multiply the micromodulus of each bond of a cloud, by slot, by factor (n_bond_slots,). Local."""

@@ -145,7 +145,7 @@ def setting_of(scene, body):
 
 def _make_material(table):
     """Return the material of a material table."""
-    strength = table.energy_release_rate, table.critical_stretch, table.failure, table.stretch_softening
+    strength = table.energy_release_rate, table.critical_stretch, table.failure, table.stretch_softening, table.weibull_modulus, table.weibull_seed or 1, table.weibull_length or 0.0
     if table.model == "pmb":
         return BondBased(table.name, table.density, table.youngs_modulus, *strength)
     moduli = table.bulk_modulus, table.shear_modulus

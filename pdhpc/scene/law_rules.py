@@ -9,6 +9,7 @@ def check_laws(scene):
     """Raise a Rule for the first rule of damage laws, surface corrections, horizons and interfaces that the scene breaks."""
     for number, material in enumerate(scene.material):
         _check_failure(section("material", number, material), material, scene.material[0])
+    _check_one_way(scene)
     _check_horizons(scene)
     _check_interfaces(scene)
     if scene.uses_lattice:
@@ -26,6 +27,30 @@ def _check_failure(where, material, first):
             raise Rule(f"{where}: stretch_softening", material.stretch_softening, '0 with failure = "energy", which knows no critical stretch to raise')
     elif material.stretch_softening > 0 and material.energy_release_rate is None and material.critical_stretch is None:
         raise Rule(f"{where}: stretch_softening", f"{material.stretch_softening} of bonds that never break", "0, or energy_release_rate or critical_stretch beside it")
+    _check_scatter(where, material)
+
+
+def _check_scatter(where, material):
+    if material.weibull_modulus is None:
+        for key in ("weibull_length", "weibull_seed"):
+            if getattr(material, key) is not None:
+                raise Rule(f"{where}: {key}", getattr(material, key), "a weibull_modulus beside it, or none")
+        return
+    if material.failure != "stretch":
+        raise Rule(f"{where}: weibull_modulus", f'{material.weibull_modulus} with failure = "{material.failure}"', 'none there: it scatters the critical stretch of failure = "stretch"')
+    if material.energy_release_rate is None and material.critical_stretch is None:
+        raise Rule(f"{where}: weibull_modulus", f"{material.weibull_modulus} of bonds that never break", "none, or energy_release_rate or critical_stretch beside it")
+    if not 1 <= material.weibull_modulus <= 1000:
+        raise Rule(f"{where}: weibull_modulus", material.weibull_modulus, "1 to 1000; the larger, the less scatter, none without the key")
+
+
+def _check_one_way(scene):
+    """Raise a Rule where strengths scatter and compression raises critical stretches too: kernels know one way to find a bond's limit."""
+    scatters = next((material for material in scene.material if material.weibull_modulus is not None), None)
+    for number, material in enumerate(scene.material):
+        if scatters is not None and material.stretch_softening > 0:
+            found = f"{material.stretch_softening} beside the weibull_modulus of material '{scatters.name}'"
+            raise Rule(f"{section('material', number, material)}: stretch_softening", found, "0 there")
 
 
 def _check_horizons(scene):
@@ -83,6 +108,8 @@ def _check_company(scene):
             raise Rule(f"{where}: failure", f'"{material.failure}" with {other}', '"stretch" there')
         if material.stretch_softening > 0:
             raise Rule(f"{where}: stretch_softening", f"{material.stretch_softening} with {other}", "0 there")
+        if material.weibull_modulus is not None:
+            raise Rule(f"{where}: weibull_modulus", f"{material.weibull_modulus} with {other}", "none there")
     for number, body in enumerate(scene.body):
         if body.horizon not in (None, scene.particles.horizon):
             raise Rule(f"{section('body', number, body)}: horizon", f"{body.horizon} with {other}", f"that of [particles] there, {scene.particles.horizon:g} m")

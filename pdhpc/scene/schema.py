@@ -9,7 +9,7 @@ from pdhpc.scene.cracks import Crack
 from pdhpc.scene.fields import (
     AutoOrPositive, Filled, Flag, Fraction, Listed, Name, Names, NotNegative, Number, Numbers, Positive, Share, Table, Text, Vector, Whole, key, show,
 )
-from pdhpc.scene.loads import Initial, Load
+from pdhpc.scene.loads import ABOUT_AXIS, Z_AXIS, Initial, Load
 from pdhpc.scene.methods import ACTIVATION, TOLERANCE, Fem, Gfem, Mesh, Static
 from pdhpc.scene.shapes import Body, Fine, Region
 
@@ -75,6 +75,14 @@ class Material(Table):
     stretch_softening: NotNegative = key(
         "alpha: the critical stretch of a particle rises with its most compressed bond; a bond has the lower one of both ends; costs a sweep and a message a step", "1",
         "s0_i = s0 - alpha min(0, s_min,i); Silling & Askari 2005, typically 0.25", default=0.0)
+    weibull_modulus: Optional[Positive] = key(
+        "m: critical stretches scatter, as flaws do; a bond has the lower one of both ends; none: all are s0", "1",
+        "P(s < x) = 1 - exp(-(x Gamma(1 + 1/m)/s0)^m), of mean s0 and coefficient of variation about 1.2/m; Weibull 1951; Zhou & Molinari 2004", default=None)
+    weibull_length: Optional[Positive] = key(
+        "size of the grains that have one critical stretch each, the same at any spacing; without it each particle has its own, and families average", "m",
+        "Voronoi cells of a random point in each square or cube of this side", default=None)
+    weibull_seed: Optional[Whole] = key(
+        "picks one of the bodies that scatter so (default 1): strengths are hashes of it and of places or ids, the same on any number of ranks", "1", default=None)
 
 
 class Interface(Table):
@@ -300,10 +308,15 @@ class Scene(Table):
         for material in data["material"]:
             if material["model"] == "pmb":
                 material.setdefault("poissons_ratio", POISSONS_RATIO[self.dimension])
+            if "weibull_modulus" in material:
+                material.setdefault("weibull_seed", 1)
         if self.fine is not None:
             data["fine"].setdefault("overlap", self.overlap)
         for initial in data["initial"]:
             initial.setdefault("origin", [0.0] * self.dim)
+            if self.dim == 3 and any(name in ABOUT_AXIS for name in initial):
+                initial.setdefault("axis", list(Z_AXIS))
+                initial.setdefault("length", 1.0)
         for tip in data["tip"]:
             tip.setdefault("direction", [1.0, 0.0, 0.0][: self.dim])
         if self.output.every is None and self.output.times is None:

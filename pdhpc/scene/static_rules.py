@@ -30,6 +30,8 @@ def _check_limit(where, material):
         raise Rule("static.breaking", f'"most_strained" with failure = "{material.failure}" of {where}', '"all": the most strained are those of largest s/s0')
     if material.stretch_softening > 0:
         raise Rule("static.breaking", f'"most_strained" with stretch_softening = {material.stretch_softening} of {where}', '"all": s0 is then no number of a material')
+    if material.weibull_modulus is not None:
+        raise Rule("static.breaking", f'"most_strained" with weibull_modulus = {material.weibull_modulus} of {where}', '"all": s0 is then no number of a material')
 
 
 def unused_keys(scene):

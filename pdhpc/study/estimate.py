@@ -31,7 +31,7 @@ _BYTES_PER_PARTICLE = {2: 122, 3: 180}
 _BYTES_PER_CELL = {2: 73, 3: 105}  # of a lattice, and 8 for each word of bond states
 _STATE_BYTES = {"pmb": 0, "lps": 16}
 _FACTOR_BYTES = 8  # of a bond slot: its surface correction
-_RAISED_BYTES = 8  # of a particle whose critical stretch rises with compression
+_LIMIT_BYTES = 8  # of a particle whose critical stretch rises with compression, or scatters
 _CONTACT_BYTES = {2: (160, 44, 32), 3: (230, 108, 60)}  # of a particle while a list is made: of all, where bonds can break, with friction or damping
 _CONTACT_SECONDS = 8e-8  # a particle's share of a list of near pairs, made anew every 20 steps
 _MICROMODULUS = {"3d": "18 K/(pi horizon^4)", "plane_stress": "9 E/(pi thickness horizon^3)", "plane_strain": "48 E/(5 pi thickness horizon^3)"}
@@ -177,7 +177,7 @@ def _bytes_of_files(scene, body, ranks):
 def _bytes_per_particle(scene, body, neighbours, ratio, per_rank):
     """Return the memory of a particle and its bonds; on a lattice the padding of a compact share of `per_rank` particles counts too."""
     extra = _STATE_BYTES[scene.material[0].model] + _contact_bytes(scene)
-    extra += _RAISED_BYTES if any(material.stretch_softening for material in scene.material) else 0
+    extra += _LIMIT_BYTES if any(material.stretch_softening or material.weibull_modulus for material in scene.material) else 0
     if body.lattice is None:
         slot = _BYTES_PER_SLOT + (_FACTOR_BYTES if scene.particles.surface_correction != "none" else 0)
         return math.ceil(neighbours / LANES) * LANES * slot + _BYTES_PER_PARTICLE[scene.dim] + extra
@@ -312,10 +312,11 @@ def critical_stretches(scene, body):
             rows.append((material.name, f"where w = {critical_pair_energy(setting, material.energy_release_rate):.6g} J/m^6 = {PAIR_ENERGY_FORMULA[scene.dimension]}"))
             continue
         limit = material.stretch_limit(setting)
+        scatter = "" if material.weibull_modulus is None else f", the mean of a Weibull distribution of modulus {material.weibull_modulus:g}"
         if material.critical_stretch is not None:
-            rows.append((material.name, f"{limit:.6g} (given)"))
+            rows.append((material.name, f"{limit:.6g} (given){scatter}"))
         elif math.isinf(limit):
             rows.append((material.name, "none: bonds never break"))
         else:
-            rows.append((material.name, f"{limit:.6g} = {material.formula[scene.dimension]}, influence {scene.particles.influence}"))
+            rows.append((material.name, f"{limit:.6g} = {material.formula[scene.dimension]}, influence {scene.particles.influence}{scatter}"))
     return rows

@@ -38,6 +38,8 @@ def state_of(comm, simulation):
         parts[name] = particles.owned(getattr(particles, name))
     if len(subdomain.points.raised):
         parts["raised"] = particles.owned(subdomain.points.raised)
+    if len(subdomain.points.strength):
+        parts["strength"] = particles.owned(subdomain.points.strength)
     whole = {name: np.concatenate(comm.allgather(values)) for name, values in parts.items()}
     order = np.argsort(whole["id"])
     return {name: values[order] for name, values in whole.items()}
@@ -76,6 +78,18 @@ def test_softening_on_a_lattice(comm, model):
     extra = "[[initial]]\nvelocity_gradient = [[0.03, 0.0], [0.02, -0.01]]\n" + CRACK
     record, found = same_as_on_one_rank(comm, plate((24, 12), 3.0, kinematics="finite", material=model + SOFTENS, extra=extra), ["time.end=12.0"])
     assert record["path"].startswith("lattice: ") and found["raised"].max() > 1e-3
+
+
+@pytest.mark.mpi(min_size=2)
+@pytest.mark.parametrize("path, model, length", [("lattice", "", ""), ("lattice", LPS, "weibull_length = 2.5\n"), ("cloud", LPS, ""), ("cloud", "", "weibull_length = 2.5\n")],
+                         ids=["lattice pmb", "lattice lps of grains", "cloud lps", "cloud pmb of grains"])
+def test_scattered_strengths(comm, path, model, length):
+    """Ranks draw the strengths of what they own and of ghosts from ids and places alone."""
+    extra = "[[initial]]\nvelocity_gradient = [[0.012, 0.0], [0.0, 0.009]]\n"
+    text = plate((24, 12), 3.0, kinematics="finite", material=model + "critical_stretch = 0.02\nweibull_modulus = 4\n" + length, extra=extra)
+    record, found = same_as_on_one_rank(comm, text, ["time.end=3.0", f"particles.path={path}"])
+    kinds = len(np.unique(found["strength"]))
+    assert record["path"].startswith(path) and found["strength"].std() > 0.15 and (kinds == 288 if not length else 24 < kinds < 100)
 
 
 @pytest.mark.mpi(min_size=2)

@@ -103,6 +103,7 @@ points = [[0.0, -9.0], [0.0, 0.0]]
     ("pmb", 'energy_release_rate = 0.001\nfailure = "energy"', ["particles.surface_correction=volume"]),
     ("lps", 'model = "lps"\npoissons_ratio = 0.2\nenergy_release_rate = 0.001\nfailure = "energy"', []),
     ("pmb", "critical_stretch = 0.01\nstretch_softening = 0.25", ["contact"]),
+    ("lps", 'model = "lps"\npoissons_ratio = 0.2\ncritical_stretch = 0.01\nweibull_modulus = 5', []),
 ])
 def test_a_run_with_other_laws_and_horizons_compiles_nothing_more(model, keys, overrides, tmp_path):
     from pdhpc.study.verify.case import plate

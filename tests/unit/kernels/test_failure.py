@@ -8,10 +8,12 @@ from pdhpc.kernels import reference, sweeps
 from pdhpc.kernels.family import MIXED, PointArrays
 from pdhpc.kernels.neighbours import find_bonds
 from pdhpc.materials.bond_based import BondBased
+from pdhpc.materials.failure import PairEnergyLimit
 from pdhpc.materials.influence import value
 from pdhpc.materials.law import Setting
 from pdhpc.materials.state_based import LinearSolid
-from pdhpc.warm_up import PATHS, Variant, block
+from pdhpc.peridynamics.internal_forces import InternalForces
+from pdhpc.warm_up import PATHS, NoGhosts, Variant, block
 
 N, RADIUS = 300, 1.0
 
@@ -48,7 +50,7 @@ class Cloud:
             sweeps.smallest_stretches(*common, dissipated)
         if state is not None:
             sweeps.weighted_volumes(self.bonds, self.points, self.law, self.slots, state)
-            assert hasattr(self.law.failure, "softening") or sweeps.dilatations(*common, dissipated) == 0, "energies wait for the state of both ends"
+            assert not isinstance(self.law.failure, PairEnergyLimit) or sweeps.dilatations(*common, dissipated) == 0, "energies wait for the state of both ends"
         count = sweeps.bond_forces(*common, force, dissipated)
         left = {(i, int(self.bonds.neighbour[k])) for i in range(N) for k in self._row(i)}
         broken = np.array([(i, j) not in left for i, j in zip(self.i, self.j)])
@@ -117,6 +119,43 @@ def test_compression_raises_the_critical_stretch(material, dim, linear, row_bloc
     else:
         drop = held_by_linear_solid(cloud, material, np.minimum(cloud.s, limit)) - held_by_linear_solid(cloud, material, np.where(broken, 0.0, cloud.s))
         assert dissipated.sum() == pytest.approx(drop, rel=1e-9)
+
+
+@pytest.mark.parametrize("dim, linear, row_block", CHOICES)
+@pytest.mark.parametrize("material", [BondBased("a", 1.0, 2.0, critical_stretch=0.03, weibull_modulus=4.0), LinearSolid("a", 1.0, 3.0, 0.7, critical_stretch=0.03, weibull_modulus=4.0)])
+def test_the_weaker_end_of_a_bond_counts_where_strengths_scatter(material, dim, linear, row_block):
+    cloud = Cloud(dim, linear, material, row_block)
+    strength = np.random.default_rng(3).uniform(0.3, 1.7, N)
+    cloud.points = cloud.points._replace(strength=strength)
+    limit = 0.03 * np.minimum(strength[cloud.i], strength[cloud.j])
+    broken, dissipated = cloud.broken_pairs(np.zeros((N, 2)) if isinstance(material, LinearSolid) else None)
+    assert np.array_equal(broken, cloud.s > limit) and ((cloud.s > 0.03) & ~broken).sum() > 10 and ((cloud.s < 0.03) & broken).sum() > 10
+    if isinstance(material, BondBased):
+        energy = 0.25 * material.micromodulus(cloud.setting) * value("gaussian", cloud.r, RADIUS) * limit**2 * cloud.r * cloud.volume**2
+        assert dissipated.sum() == pytest.approx(energy[broken].sum(), rel=1e-9), "the energy at its own critical stretch"
+
+
+@pytest.mark.parametrize("path", PATHS)
+@pytest.mark.parametrize("model, dim, linear", [("pmb", 2, False), ("lps", 2, True), ("pmb", 3, True), ("lps", 3, False)])
+def test_scatter_on_both_paths(path, model, dim, linear):
+    """Every bond by numpy, from all pairs in reach; their strengths by id, as both paths draw them."""
+    cells, spacing = (12, 1e-3) if dim == 2 else (8, 1e-3)
+    subdomain, law = block(dim, cells, 2.5, linear, path, model, Variant(modulus=3.0))
+    particles, x = subdomain.particles, subdomain.places()
+    u = 1e-5 * np.random.default_rng(1).standard_normal(x.shape)
+    particles.put(particles.displacement, u)
+    particles.place()
+    strength = particles.owned(subdomain.points.strength)
+    xi, eta = x[None] - x[:, None], u[None] - u[:, None]
+    r = np.linalg.norm(xi, axis=2)
+    bonded = (r > 0) & (r < 2.5 * spacing * (1 + 1e-6))
+    r[~bonded] = 1.0
+    s = np.einsum("ijd,ijd->ij", xi, eta) / r**2 if linear else np.linalg.norm(xi + eta, axis=2) / r - 1
+    limit = law.critical_stretch[0, 0] * np.minimum(strength[:, None], strength[None])
+    intact = bonded & (s <= limit)
+    InternalForces(subdomain, law, NoGhosts).evaluate()
+    assert np.array_equal(subdomain.bonds.alive(), intact.sum(axis=1)) and 0.02 < 1 - intact.sum() / bonded.sum() < 0.9
+    assert strength.std() == pytest.approx(0.363, rel=0.2) and (bonded & (s > law.critical_stretch[0, 0]) & intact).any()
 
 
 @pytest.mark.parametrize("row_block", [0, MIXED])

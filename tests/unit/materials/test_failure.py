@@ -6,7 +6,7 @@ import pytest
 from scipy.integrate import dblquad
 
 from pdhpc.materials.bond_based import BondBased
-from pdhpc.materials.failure import EnergyLimit, PairEnergyLimit, SoftenedLimit, StretchLimit, critical_pair_energy
+from pdhpc.materials.failure import EnergyLimit, PairEnergyLimit, ScatteredLimit, SoftenedLimit, StretchLimit, critical_pair_energy
 from pdhpc.materials.influence import CODES, value
 from pdhpc.materials.law import Setting, reach_of
 from pdhpc.materials.state_based import LinearSolid
@@ -64,3 +64,16 @@ def test_softening_where_a_material_asks_for_it(kind, moduli):
     assert isinstance(kind.law([(plain, True)], setting).failure, StretchLimit)
     law = kind.law([(plain, True), (soft, True)], setting)
     assert isinstance(law.failure, SoftenedLimit) and law.failure.softening.tolist() == [0.0, 0.25] and law.critical_stretch[0, 1] == 0.1
+
+
+@pytest.mark.parametrize("kind, moduli", [(BondBased, (2.0,)), (LinearSolid, (2.0, 1.0))])
+def test_scatter_where_a_material_asks_for_it(kind, moduli):
+    """Each end has the critical stretch of its own material; the mean of scale (-ln U)^(1/m) is scale Gamma(1 + 1/m) = 1."""
+    setting = Setting("3d", 1.0, 1.0, "constant")
+    plain = kind("a", 1.0, *moduli, critical_stretch=0.1)
+    loose = kind("b", 1.0, *moduli, critical_stretch=0.2, weibull_modulus=2.0, weibull_seed=7, weibull_length=0.5)
+    law = kind.law([(plain, True), (loose, True), (loose, False)], setting)
+    assert isinstance(law.failure, ScatteredLimit) and law.critical_stretch[0, 1] == 0.1
+    assert np.array_equal(law.failure.own, [[0.1, 0.1, np.inf], [0.2, 0.2, np.inf], [np.inf] * 3]) and law.failure.lowest.tolist() == [0.1, 0.2, np.inf, 0.1]
+    assert law.failure.modulus.tolist() == [np.inf, 2.0, 2.0] and law.failure.scale == pytest.approx([1.0, 2 / math.sqrt(math.pi), 2 / math.sqrt(math.pi)])
+    assert law.failure.seed.tolist() == [1, 7, 7] and law.failure.grain.tolist() == [0.0, 0.5, 0.5]

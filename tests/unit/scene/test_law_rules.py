@@ -7,6 +7,7 @@ from pdhpc.study.verify.case import plate
 SECOND = '[[body]]\nname = "other"\nmaterial = "solid"\nshape = "box"\nlower = [20.0, -20.0]\nupper = [40.0, 20.0]\n'
 FINE = '[fine]\nshape = "box"\nlower = [-5.0, -5.0]\nupper = [5.0, 5.0]\n'
 GFEM = "[mesh]\ncell_size = 5.0\n"
+BREAKS = ["material.solid.critical_stretch=0.1"]
 LPS = ["material.solid.model=lps", "material.solid.poissons_ratio=0.3"]
 
 
@@ -24,6 +25,7 @@ def test_what_is_allowed():
     check("", ["material.solid.energy_release_rate=1.0", "material.solid.failure=energy", "particles.surface_correction=energy"])
     check("", ["material.solid.critical_stretch=0.1", "material.solid.stretch_softening=0.25", *LPS])
     check("", ["particles.influence=conical", "particles.surface_correction=energy"])
+    check("", ["material.solid.critical_stretch=0.1", "material.solid.weibull_modulus=10", "material.solid.weibull_length=3.0", "material.solid.weibull_seed=2", *LPS])
 
 
 @pytest.mark.parametrize("extra, overrides, words", [
@@ -34,6 +36,15 @@ def test_what_is_allowed():
     ("", ["material.solid.stretch_softening=0.25"], ["bonds that never break"]),
     ("", ["material.solid.stretch_softening=-0.25", "material.solid.critical_stretch=0.1"], ["at least 0"]),
     ('[[material]]\nname = "m"\ndensity = 1.0\nyoungs_modulus = 1.0\nfailure = "energy"\nenergy_release_rate = 1.0\n' + SECOND, ["body.other.material=m"], ["material 'm': failure", "share one"]),
+    ("", ["material.solid.weibull_modulus=10"], ["weibull_modulus = 10.0 of bonds that never break"]),
+    ("", ["material.solid.weibull_modulus=0.5", *BREAKS], ["weibull_modulus = 0.5", "1 to 1000"]),
+    ("", ["material.solid.weibull_length=3.0", *BREAKS], ["weibull_length = 3.0", "a weibull_modulus beside it"]),
+    ("", ["material.solid.weibull_seed=3", *BREAKS], ["weibull_seed = 3", "a weibull_modulus beside it"]),
+    ("", ["material.solid.weibull_seed=-3", "material.solid.weibull_modulus=10", *BREAKS], ["weibull_seed = -3", "whole number from 1"]),
+    ("", ["material.solid.weibull_modulus=10", "material.solid.failure=energy", "material.solid.energy_release_rate=1.0"], ['with failure = "energy"', "none there"]),
+    ("", ["material.solid.weibull_modulus=10", "material.solid.stretch_softening=0.25", *BREAKS], ["stretch_softening = 0.25 beside the weibull_modulus of material 'solid'"]),
+    (FINE, ["material.solid.weibull_modulus=10", *BREAKS], ["weibull_modulus = 10.0 with a table [fine]", "none there"]),
+    (GFEM, ["model=gfem", "material.solid.weibull_modulus=10", *BREAKS], ['with model = "gfem"', "none there"]),
     (SECOND, ["body.other.horizon=1.5"], ["body 'other': horizon = 1.5", "2 to 100 spacings"]),
     (SECOND, ["body.other.horizon=101.0"], ["2 to 100 spacings"]),
     (SECOND + interface('["body", "body"]'), [], ["two different bodies"]),

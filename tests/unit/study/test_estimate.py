@@ -66,6 +66,9 @@ def test_horizons_corrections_and_laws_count(monkeypatch):
     assert rough.critical_dt == pytest.approx(plain.critical_dt, rel=0.03)
     corrected = estimate(parse_scene(text, "t", ["particles.surface_correction=energy"]))
     softened = estimate(parse_scene(text, "t", ["material.solid.stretch_softening=0.25"]))
+    scattered = estimate(parse_scene(text, "t", ["material.solid.weibull_modulus=5"]))
+    assert scattered.memory == softened.memory and scattered.critical_dt == rough.critical_dt
+    assert all(words.endswith("the mean of a Weibull distribution of modulus 5") for _, words in scattered.critical_stretch)
     slots = np.ceil(rough.neighbours / 8) * 8
     assert corrected.memory == pytest.approx(rough.memory + 900 * 8 * slots) and softened.memory == pytest.approx(rough.memory + 900 * 8)
     by_energy = estimate(parse_scene(text, "t", ["material.solid.failure=energy"])).critical_stretch
