@@ -1,11 +1,15 @@
 import subprocess
 import sys
 
+import numba
 import numpy as np
 import pytest
 
+from pdhpc.materials.bond_based import BondBased
+from pdhpc.materials.law import Setting
+from pdhpc.materials.state_based import LinearSolid
 from pdhpc.study.verify.bodies import cracked, write_cells
-from pdhpc.warm_up import MODELS, PATHS, block, compile_kernels
+from pdhpc.warm_up import MODELS, PATHS, Variant, block, compile_kernels, variant_of
 
 
 @pytest.mark.parametrize("path", PATHS)
@@ -103,7 +107,6 @@ points = [[0.0, -9.0], [0.0, 0.0]]
     ("pmb", 'energy_release_rate = 0.001\nfailure = "energy"', ["particles.surface_correction=volume"]),
     ("lps", 'model = "lps"\npoissons_ratio = 0.2\nenergy_release_rate = 0.001\nfailure = "energy"', []),
     ("pmb", "critical_stretch = 0.01\nstretch_softening = 0.25", ["contact"]),
-    ("lps", 'model = "lps"\npoissons_ratio = 0.2\ncritical_stretch = 0.01\nweibull_modulus = 5', []),
 ])
 def test_a_run_with_other_laws_and_horizons_compiles_nothing_more(model, keys, overrides, tmp_path):
     from pdhpc.study.verify.case import plate
@@ -128,3 +131,13 @@ def test_a_run_of_a_mesh_compiles_nothing_that_the_warm_up_left_out(counts, tmp_
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert done.stdout == ""
+
+
+@pytest.mark.parametrize("kind, moduli, model", [(BondBased, (2.0,), "pmb"), (LinearSolid, (2.0, 1.0), "lps")])
+def test_what_is_compiled_for_strengths_that_scatter_is_what_a_scene_has(kind, moduli, model):
+    material = kind("a", 1.0, *moduli, critical_stretch=0.1, weibull_modulus=5.0, weibull_seed=3, weibull_length=2.0)
+    law = kind.law([(material, True), (material, False)], Setting("plane_stress", 2e-3, 1.0, "gaussian", 1e-3, "linear"))
+    variant = variant_of(law, "none")
+    assert variant == Variant(modulus=10.0)
+    subdomain, compiled = block(2, 4, 2.0, model=model, variant=variant)
+    assert numba.typeof(compiled) == numba.typeof(law) and len(subdomain.points.strength) == len(subdomain.points.position)
