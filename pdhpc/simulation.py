@@ -27,7 +27,7 @@ from pdhpc.scene.gauges import make_fragments, make_gauges
 from pdhpc.scene.mesh_rules import unused
 from pdhpc.scene.read import parse_scene, read_text
 
-_STEPPING = ("force", "exchange", "wait", "integrate", "choose", "seed", "reconstruct", "solve")  # phases of a step
+_STEPPING = ("force", "exchange", "wait", "integrate", "contact", "choose", "seed", "reconstruct", "solve")  # phases of a step
 _LARGE_BALANCE_ERROR = 0.02  # relative; a larger one is reported as a warning
 
 

@@ -1,4 +1,6 @@
 """All loads and prescribed motions of one rank's particles, or of what else moves under forces, applied in the order of the scene."""
+import time
+
 import numpy as np
 
 
@@ -71,31 +73,36 @@ class ParticleConditions(Conditions):
 
     interactions : what acts on particles by where they are and how fast (contact, impactors): objects with add_to(force_density, t, broken) at every
     evaluation, moved(dt) once positions are those of the step's end, worked(dt) once forces are, both with velocities of the half step; ledger(),
-    external_work(), bytes_sent, warnings() and state(). Empty but for whoever sets it.
+    external_work(), bytes_sent, warnings() and state(). Empty but for whoever sets it. seconds : spent in them, at steps.
     """
 
     def __init__(self, particles, density, loads=(), motions=()):
         """density : (n_block,), kg/m^3."""
         super().__init__(particles, [0.5 * density[particles.block[motion.indices]] for motion in motions], loads, motions)
-        self.particles, self.interactions = particles, []
+        self.particles, self.interactions, self.seconds = particles, [], 0.0
 
     def add_loads(self, t, broken=0):
         """Add every load and interaction at time t to the forces; broken : directed bonds of this rank that broke so far. Collective with interactions."""
         super().add_loads(t)
-        for each in self.interactions:
-            each.add_to(self.forces(), t, broken)
+        self._interact("add_to", self.forces(), t, broken)
 
     def start_of_step(self, dt):
         """Account for the work of the forces at the step's start and take what interacts to its end; the velocity is that of the half step. Local."""
         self.work_of_old_forces(dt)
-        for each in self.interactions:
-            each.moved(dt)
+        self._interact("moved", dt)
 
     def work_of_new_forces(self, t, dt):
         """Account for the work of the forces at the step's end (at time t), and of the loads over the whole step. Local."""
         super().work_of_new_forces(t, dt)
-        for each in self.interactions:
-            each.worked(dt)
+        self._interact("worked", dt)
+
+    def _interact(self, verb, *arguments):
+        """Let every interaction do something, and count the time."""
+        if self.interactions:
+            started = time.perf_counter()
+            for each in self.interactions:
+                getattr(each, verb)(*arguments)
+            self.seconds += time.perf_counter() - started
 
     def external_work(self):
         """Return (n,) work done so far, J, that of interactions too: its sum is the external work."""

@@ -15,9 +15,13 @@ import numpy as np
 
 from pdhpc.jit import inlined, kernel
 from pdhpc.kernels.family import count_alive, end_of_bonds, first_bond, frequency_row, is_alive, neighbour, row_width
+from pdhpc.kernels.neighbours import Cells
 
 _CLOSEST = 0.9
 """Share of their reference distance within which two particles may repel: none do in the unloaded body (Parks et al. 2008)."""
+
+SEAM = 1.0 + 1e-9
+"""The search radius is this much larger than the largest distance that counts."""
 
 
 class MetPoints(NamedTuple):
@@ -43,6 +47,13 @@ class ContactLaw(NamedTuple):
     friction: float
     damping: float
     dt: float
+
+
+class Crowd(NamedTuple):
+    """Some of the points: cells : neighbours.Cells of them, `order` their numbers in MetPoints. allowance : the largest of theirs, m."""
+
+    cells: Cells
+    allowance: float
 
 
 class Pairs(NamedTuple):
@@ -176,43 +187,54 @@ def lose(inelastic, velocity, slots, numbers, half_dt, loss):
 
 
 @kernel
-def list_near(cells, points, ids, third, skin, radius, bonds, drop, stamp, start, other):
-    """List the particles within d_ij + skin of each owned one, in ascending id; return how many. What does not fit in `other` is counted only.
+def list_near(crowds, distance, points, allowance, ids, third, bonds, drop, stamp, start, other):
+    """List the particles within d_ij + a_i + a_j of each owned one, in ascending id; return how many. What does not fit in `other` is counted only.
 
-    cells : neighbours.Cells of all points. radius : m, at least the largest d_ij + skin. drop : whether to leave out pairs that an intact bond joins.
-    stamp (n_slots,) bool, scratch, False throughout before and after. start (n_owned + 1,) int64, other (capacity,) int32: of Pairs.
+    crowds : two of Crowd that together are all points. distance : m, at least the largest d_ij. allowance (n_points,), m, a. drop : whether to leave out pairs that
+    an intact bond joins. stamp (n_slots,) bool, scratch, False throughout before and after. start (n_owned + 1,) int64, other (capacity,) int32: of Pairs.
     """
-    position, per_length = cells.position, cells.per_length
-    nx, ny, nz = cells.counts[0], cells.counts[1], cells.counts[2]
     end = np.int64(0)
     for i in range(len(start) - 1):
         start[i] = end
-        x, y = points.motion[i, 0], points.motion[i, 1]
-        z = 0.0 if third is None else points.motion[i, 2]
-        cx, cy, cz = x - cells.lower[0], y - cells.lower[1], z - cells.lower[2]
         if drop:
-            _stamp_bonded(bonds, points.slot[i], True, stamp)
-        for a in range(max(0, np.int64((cx - radius) * per_length)), min(nx - 1, np.int64((cx + radius) * per_length)) + 1):
-            for b in range(max(0, np.int64((cy - radius) * per_length)), min(ny - 1, np.int64((cy + radius) * per_length)) + 1):
-                column = (a * ny + b) * nz
-                first = cells.start[column + max(0, np.int64((cz - radius) * per_length))]
-                stop = cells.start[column + min(nz - 1, np.int64((cz + radius) * per_length)) + 1]
-                for s in range(first, stop):
-                    dx, dy, dz = position[s, 0] - x, position[s, 1] - y, position[s, 2] - z
-                    r2 = dx * dx + dy * dy + dz * dz
-                    if r2 >= radius * radius:
-                        continue
-                    j = cells.order[s]
-                    if j == i or (drop and points.slot[j] >= 0 and stamp[points.slot[j]]):
-                        continue
-                    limit = min(points.reach[i] + points.reach[j], _CLOSEST * _reference_distance(points, i, j, third)) + skin
-                    if r2 < limit * limit:
-                        if end < len(other):
-                            _insert(ids, j, start[i], end, other)
-                        end += 1
+            _stamp_bonded(bonds, points.slot[i], stamp)
+        for crowd in crowds:
+            if len(crowd.cells.order):
+                end = _list_of(crowd, distance, points, allowance, ids, third, drop, stamp, i, start[i], end, other)
         if drop:
-            _stamp_bonded(bonds, points.slot[i], False, stamp)
+            _wipe(bonds, points.slot[i], stamp)
     start[len(start) - 1] = end
+    return end
+
+
+@inlined
+def _list_of(crowd, distance, points, allowance, ids, third, drop, stamp, i, begin, end, other):
+    """Add those of a crowd that are near particle i to its row, other[begin:end]; return the new end."""
+    cells, position, per_length = crowd.cells, crowd.cells.position, crowd.cells.per_length
+    nx, ny, nz = cells.counts[0], cells.counts[1], cells.counts[2]
+    x, y = points.motion[i, 0], points.motion[i, 1]
+    z = 0.0 if third is None else points.motion[i, 2]
+    cx, cy, cz = x - cells.lower[0], y - cells.lower[1], z - cells.lower[2]
+    radius = (distance + allowance[i] + crowd.allowance) * SEAM
+    bottom, top = max(0, np.int64((cz - radius) * per_length)), min(nz - 1, np.int64((cz + radius) * per_length))
+    if bottom > top:
+        return end
+    for a in range(max(0, np.int64((cx - radius) * per_length)), min(nx - 1, np.int64((cx + radius) * per_length)) + 1):
+        for b in range(max(0, np.int64((cy - radius) * per_length)), min(ny - 1, np.int64((cy + radius) * per_length)) + 1):
+            column = (a * ny + b) * nz
+            for s in range(cells.start[column + bottom], cells.start[column + top + 1]):
+                dx, dy, dz = position[s, 0] - x, position[s, 1] - y, position[s, 2] - z
+                r2 = dx * dx + dy * dy + dz * dz
+                if r2 >= radius * radius:
+                    continue
+                j = cells.order[s]
+                if j == i or (drop and points.slot[j] >= 0 and stamp[points.slot[j]]):
+                    continue
+                limit = min(points.reach[i] + points.reach[j], _CLOSEST * _reference_distance(points, i, j, third)) + (allowance[i] + allowance[j])
+                if r2 < limit * limit:
+                    if end < len(other):
+                        _insert(ids, j, begin, end, other)
+                    end += 1
     return end
 
 
@@ -227,17 +249,24 @@ def _insert(ids, j, first, end, other):
 
 
 @inlined
-def _stamp_bonded(bonds, s, mark, stamp):
+def _stamp_bonded(bonds, s, stamp):
+    """Mark in stamp (n_slots,) bool the other ends of the intact bonds of slot s; without branches, which broken bonds would make hard to foresee."""
     for k in range(first_bond(bonds, s), end_of_bonds(bonds, s)):
-        if is_alive(bonds, s, k):
-            stamp[neighbour(bonds, s, k)] = mark
+        stamp[neighbour(bonds, s, k)] |= is_alive(bonds, s, k)
+
+
+@inlined
+def _wipe(bonds, s, stamp):
+    """Take back what _stamp_bonded marked."""
+    for k in range(first_bond(bonds, s), end_of_bonds(bonds, s)):
+        stamp[neighbour(bonds, s, k)] = False
 
 
 @kernel
-def free_pairs(bonds, pairs, points, stamp, intact, alive):
+def free_pairs(bonds, pairs, points, stamp, intact, alive, met):
     """Bring pairs.free up to date of the rows whose number of intact bonds is no longer intact (n_owned,), which it becomes; fill alive (n_owned,) bool.
 
-    alive[i] : whether row i has a free pair. stamp as of drop_bonded.
+    alive[i] : whether row i has a free pair; if so, it and the other ends of its free pairs are marked in met (n_points,) bool. stamp as of list_near.
     """
     for i in range(len(pairs.start) - 1):
         s = points.slot[i]
@@ -245,13 +274,18 @@ def free_pairs(bonds, pairs, points, stamp, intact, alive):
         if now == intact[i] or pairs.start[i] == pairs.start[i + 1]:
             continue
         intact[i] = now
-        _stamp_bonded(bonds, s, True, stamp)
+        if now:
+            _stamp_bonded(bonds, s, stamp)
         alive[i] = False
         for e in range(pairs.start[i], pairs.start[i + 1]):
             j = points.slot[pairs.other[e]]
-            pairs.free[e] = j < 0 or not stamp[j]
-            alive[i] |= pairs.free[e] != 0
-        _stamp_bonded(bonds, s, False, stamp)
+            if j < 0 or not stamp[j]:
+                pairs.free[e], alive[i], met[pairs.other[e]] = 1, True, True
+            else:
+                pairs.free[e] = 0
+        met[i] |= alive[i]
+        if now:
+            _wipe(bonds, s, stamp)
 
 
 @kernel
@@ -295,15 +329,36 @@ def stiffest(pairs, points, law, third, rows, bonds, body, bond_law, state):
 
 
 @kernel
-def largest_motion(displacement, before, velocity, slots):
-    """Return (largest |u - u_before|^2, m^2, largest |v|^2) of the particles in `slots` (n,); NaN counts as infinite."""
-    moved, speed = 0.0, 0.0
+def largest_motion(displacement, before, velocity, slots, allowance, dt):
+    """Return (largest |u - u_before|, m, largest |v|, m/s, least a - |u - u_before|, m, largest (|u - u_before| - |v| dt)/a) of the particles in `slots` (n,).
+
+    allowance (n,), m, a. NaN counts as infinite.
+    """
+    farthest, fastest, least, before_last = 0.0, 0.0, np.inf, 0.0
     for n in range(len(slots)):
         s, u2, v2 = slots[n], 0.0, 0.0
         for d in range(displacement.shape[1]):
             u2 += (displacement[s, d] - before[s, d]) ** 2
             v2 += velocity[s, d] ** 2
         if not u2 < np.inf or not v2 < np.inf:
-            return np.inf, np.inf
-        moved, speed = max(moved, u2), max(speed, v2)
-    return moved, speed
+            return np.inf, np.inf, -np.inf, np.inf
+        moved, speed = np.sqrt(u2), np.sqrt(v2)
+        farthest, fastest = max(farthest, moved), max(fastest, speed)
+        least, before_last = min(least, allowance[n] - moved), max(before_last, (moved - speed * dt) / allowance[n])
+    return farthest, fastest, least, before_last
+
+
+@kernel
+def allow(velocity, slots, seconds, least, most, distance, allowance):
+    """Store max(least, min(most, |v| seconds)), m, in allowance (n,) of the particles in `slots` (n,); return about how many times as many pairs are near then.
+
+    distance : m, within which particles touch. The number is the mean of the volumes (distance + least + a)^dim over those with a = least.
+    """
+    dim, volumes = velocity.shape[1], 0.0
+    for n in range(len(slots)):
+        v2 = 0.0
+        for d in range(dim):
+            v2 += velocity[slots[n], d] ** 2
+        allowance[n] = max(least, min(most, np.sqrt(v2) * seconds))
+        volumes += ((distance + least + allowance[n]) / (distance + 2.0 * least)) ** dim
+    return volumes / max(1, len(slots))

@@ -4,18 +4,16 @@ import math
 import numpy as np
 
 from pdhpc.kernels import contact as kernels
-from pdhpc.kernels.contact import MetPoints, Pairs
+from pdhpc.kernels.contact import Crowd, MetPoints, Pairs
 from pdhpc.kernels.neighbours import cell_list
 from pdhpc.peridynamics.watch import Watch
-
-_SEAM = 1.0 + 1e-9  # the search radius is this much larger than the largest distance that counts
 
 
 class Contact:
     """Short-range repulsion, friction and damping between the particles of one rank and whatever comes near them (formulas: kernels/contact.py).
 
-    A list holds the pairs within d_ij + skin of each other, those joined by intact bonds too where bonds can break: a pair takes part from the evaluation in
-    which its bond breaks. It is made anew when something moved half the skin (see Watch). Ranks then tell each other the boxes of their particles, send
+    A list holds the pairs within d_ij + a_i + a_j of each other, those joined by intact bonds too where bonds can break: a pair takes part from the evaluation in
+    which its bond breaks. It is made anew when a particle moved farther than its allowance a_i, half the skin or more where it is fast (see Watch). Ranks then tell each other the boxes of their particles, send
     candidates where these meet, and set up a second ghost exchange for what is near in the current configuration.
 
     Memory per particle, most of it while a list is made: 160 (2D) or 230 (3D) bytes; where bonds can break 44 or 108 more, since then bonded neighbours are in
@@ -30,7 +28,8 @@ class Contact:
         self.breaks = bool(np.isfinite(bond_law.break_at).any())
         self.inelastic = np.zeros_like(particles.force_density) if self.resists else None
         self.loss = np.zeros(particles.n_owned)
-        self.watch = Watch(particles, skin, law.dt, vicinity.agree)
+        touching = 2.0 * float(reach(particles.owned(particles.volume)).max(initial=0.0))
+        self.watch = Watch(particles, skin, law.dt, vicinity.agree, touching)
         self.lists_made, self.stable_dt = 0, math.inf
         self._bound = None
         self._stamp = np.zeros(len(particles.position), np.bool_)
@@ -135,13 +134,13 @@ class Contact:
         room = self.near_pairs + 1024
         self._forget()
         rows = self._rows_to_send(dim)
-        most = float(self.vicinity.agree(np.array([self.reach(rows[:, 2 * dim]).max(initial=0.0)]))[0])
-        radius = (2.0 * most + self.skin) * _SEAM
-        others, owners = self.vicinity.gather_near(rows, dim, radius)
+        most = np.array([self.reach(rows[:, 2 * dim]).max(initial=0.0), self.watch.allowance.max(initial=0.0)])
+        distance, allowance = 2.0 * self.vicinity.agree(most)
+        others, owners = self.vicinity.gather_near(rows, dim, (distance + allowance) * kernels.SEAM)
         rows = np.concatenate([rows, others]) if len(others) else rows
-        points, ids = self._points_of(rows, dim), rows[:, -1].astype(np.int64)
+        points, ids, allowance = self._points_of(rows, dim), rows[:, -1].astype(np.int64), np.ascontiguousarray(rows[:, -2])
         del rows, others
-        start, other = self._near(points, ids, radius, room)
+        start, other = self._near(points, ids, allowance, distance, room)
         used = np.zeros(len(ids), bool)
         used[other], used[:n] = True, True
         if not used.all():
@@ -151,7 +150,9 @@ class Contact:
         self._connect(ids[used], owners[used[n:]])
         self.lists_made += 1
         self._intact[:] = -1
-        self._has_free = np.diff(start) > 0
+        self._has_free, self._seen = np.diff(start) > 0, np.zeros(len(points.volume), bool)
+        if not self.breaks:
+            kernels.mark_met(self._pairs, np.flatnonzero(self._has_free), self._seen)
         self._free_pairs()
 
     def _forget(self):
@@ -162,17 +163,17 @@ class Contact:
         self._pairs = Pairs(np.zeros(1, np.int64), np.empty(0, np.int32), np.empty(0, np.uint8))
 
     def _rows_to_send(self, dim):
-        """Return (n_owned, 2 dim + 3): position and reference position, m, volume, m^3, block, id. Local."""
+        """Return (n_owned, 2 dim + 4): position and reference position, m, volume, m^3, block, allowance, m, id. Local."""
         particles = self.subdomain.particles
-        rows = np.empty((particles.n_owned, 2 * dim + 3))
+        rows = np.empty((particles.n_owned, 2 * dim + 4))
         rows[:, :dim] = particles.owned(particles.position)[:, :dim]
         rows[:, dim : 2 * dim] = self.subdomain.places()
         rows[:, 2 * dim], rows[:, 2 * dim + 1] = particles.owned(particles.volume), particles.owned(particles.block)
-        rows[:, 2 * dim + 2] = particles.id[: particles.n_owned]
+        rows[:, 2 * dim + 2], rows[:, 2 * dim + 3] = self.watch.allowance, particles.id[: particles.n_owned]
         return rows
 
     def _points_of(self, rows, dim):
-        """Return the MetPoints of rows (position, reference, volume, block, id), owned particles first."""
+        """Return the MetPoints of rows (see _rows_to_send), owned particles first."""
         particles = self.subdomain.particles
         n = particles.n_owned
         slot = np.full(len(rows), -1, np.int32)
@@ -186,15 +187,26 @@ class Contact:
         return MetPoints(np.ascontiguousarray(rows[:, :dim]), np.ascontiguousarray(rows[:, dim : 2 * dim]), self.reach(volume), volume,
                          rows[:, 2 * dim + 1].astype(np.uint8), slot)
 
-    def _near(self, points, ids, radius, room):
-        """Return (start, other) of the pairs within d_ij + skin, without those that bonds which never break join; room : for how many to begin with. Local."""
-        cells, bonds, third = cell_list(points.motion, radius, 1), self.subdomain.bonds.arrays, self.subdomain.particles.third
+    def _near(self, points, ids, allowance, distance, room):
+        """Return (start, other) of the pairs within d_ij + a_i + a_j, without those that bonds which never break join; room : for how many to begin with. Local.
+
+        Fast particles, of a larger allowance than the skin's, are sought apart: they are few, and others need not look as far for each other.
+        """
+        fast = allowance > self.watch.half
+        crowds = tuple(self._crowd(points, allowance, np.flatnonzero(some).astype(np.int32), distance) for some in (~fast, fast))
+        bonds, third = self.subdomain.bonds.arrays, self.subdomain.particles.third
         start, end = np.zeros(self.subdomain.particles.n_owned + 1, np.int64), room
         while True:
             other = np.empty(end + end // 8, np.int32)
-            end = kernels.list_near(cells, points, ids, third, self.skin, radius, bonds, not self.breaks, self._stamp, start, other)
+            end = kernels.list_near(crowds, distance, points, allowance, ids, third, bonds, not self.breaks, self._stamp, start, other)
             if end <= len(other):
                 return start, other[:end].copy()
+
+    def _crowd(self, points, allowance, members, distance):
+        """Return the Crowd of the points `members` (n,). Local."""
+        largest = float(allowance[members].max(initial=0.0))
+        cells = cell_list(points.motion[members], distance + largest + self.watch.half, 1)
+        return Crowd(cells._replace(order=members[cells.order]), largest)
 
     def _connect(self, ids, owners):
         """Set up the exchange of the particles `ids` (n_points,), ghosts behind the owned ones. Collective."""
@@ -209,8 +221,5 @@ class Contact:
         """
         domain = self.subdomain
         if self.breaks:
-            kernels.free_pairs(domain.bonds.arrays, self._pairs, self._points, self._stamp, self._intact, self._has_free)
-        rows = np.flatnonzero(self._has_free)
-        met = np.zeros(len(self._points.volume), bool)
-        kernels.mark_met(self._pairs, rows, met)
-        self._rows, self._met = rows, np.flatnonzero(met[: domain.particles.n_owned])
+            kernels.free_pairs(domain.bonds.arrays, self._pairs, self._points, self._stamp, self._intact, self._has_free, self._seen)
+        self._rows, self._met = np.flatnonzero(self._has_free), np.flatnonzero(self._seen[: domain.particles.n_owned])

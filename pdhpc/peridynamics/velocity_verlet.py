@@ -32,6 +32,8 @@ class VelocityVerlet:
         self.internal = InternalForces(subdomain, law, bind)
         self.seconds = self.internal.seconds
         self.seconds["integrate"] = 0.0
+        if conditions.interactions:
+            self.seconds["contact"] = 0.0
         self._inverse_density = np.zeros(256)  # by block; a cell without a particle has none
         self._inverse_density[: len(law.density)] = 1.0 / law.density
         subdomain.particles.place()
@@ -79,20 +81,27 @@ class VelocityVerlet:
 
     def begin(self):
         """Take displacements to the end of the step: all that comes before its forces. Local."""
-        started = time.perf_counter()
+        started, before = time.perf_counter(), self.conditions.seconds
         self._kick_and_drift()
         self.step += 1
         self.conditions.start_of_step(self.dt)
-        self.seconds["integrate"] += time.perf_counter() - started
+        self._count(started, before)
 
     def finish(self):
         """Take velocities to the end of the step: all that comes after its internal forces. Collective with interactions, else local."""
-        started = time.perf_counter()
+        started, before = time.perf_counter(), self.conditions.seconds
         self._add_loads()
         self.conditions.work_of_new_forces(self.time, self.dt)
         self.subdomain.particles.kick(self._inverse_density, 0.5 * self.dt)
         self.conditions.settle(self.time)
-        self.seconds["integrate"] += time.perf_counter() - started
+        self._count(started, before)
+
+    def _count(self, started, before):
+        """Count the seconds since `started`: of contact and impactors, which had taken `before` seconds then, and the rest as integration."""
+        contact = self.conditions.seconds - before
+        self.seconds["integrate"] += time.perf_counter() - started - contact
+        if contact:
+            self.seconds["contact"] += contact
 
     def _kick_and_drift(self):
         """Take velocities to the half step and displacements to the next: in one pass where no motion is prescribed in between."""

@@ -245,7 +245,7 @@ def curves(dim, ratio, machine, cost, sizes=(1e6, 1e7, 1e8, 1e9), most=65536):
 def calibrate(rows, dim, ratio):
     """Return (Cost, crowding) out of rows of a scaling study of one body on 1 and on 2 ranks, medians of its repeats.
 
-    c = (force + integrate)/slots on one rank; crowding = the same on two ranks over it; g = (exchange + wait)/ghosts on two ranks.
+    c = (force + integrate + contact)/slots on one rank; crowding = the same on two ranks over it; g = (exchange + wait)/ghosts on two ranks.
     """
     work, messages, shares = {}, {}, {}
     for ranks in (1, 2):
@@ -254,6 +254,6 @@ def calibrate(rows, dim, ratio):
             raise SceneError(f"a prediction is calibrated by runs on 1 and on 2 ranks; there is none on {ranks}")
         cells = (round(here[0]["particles"] ** (1 / dim)),) * dim
         shares[ranks] = max(VirtualPartition(cells, ratio).shares(ranks), key=lambda share: share.blocks)
-        work[ranks] = statistics.median((row["force_mean"] + row["integrate_mean"]) / row["steps"] for row in here) / (shares[ranks].blocks * LANES)
+        work[ranks] = statistics.median(sum(row[f"{name}_mean"] for name in ("force", "integrate", "contact")) / row["steps"] for row in here) / (shares[ranks].blocks * LANES)
         messages[ranks] = statistics.median((row["exchange_mean"] + row["wait_mean"]) / row["steps"] for row in here)
     return Cost(work[1], messages[2] / max(1, shares[2].ghosts)), work[2] / work[1]

@@ -18,7 +18,7 @@ from pdhpc.scene.schema import SceneError
 from pdhpc.scene.sentences import listed, nearest
 from pdhpc.study.launch import launch_command
 
-PHASES = ("force", "exchange", "wait", "integrate")
+PHASES = ("force", "exchange", "wait", "integrate", "contact")
 COLUMNS = (
     "study", "kind", "commit", "host", "ranks", "repeat", "path", "particles", "bonds", "steps", "seconds", *(f"{name}_mean" for name in PHASES),
     *(f"{name}_slowest" for name in PHASES), "output", "setup", "bond_imbalance", "force_imbalance", "ghosts", "bytes_per_step",

@@ -37,16 +37,16 @@ def measure(study, scene, comm):
     for _ in range(study.steps):
         stepper.advance()
     seconds = time.perf_counter() - started
-    phases = np.array([stepper.seconds[name] - before[name] for name in PHASES])
+    phases = np.array([stepper.seconds.get(name, 0.0) - before.get(name, 0.0) for name in PHASES])
     work = sum(steps * part.subdomain.bonds.n_directed for part, steps in zip(problem.parts, (1, problem.m)))
     ghosts = sum(part.subdomain.particles.n_ghost for part in problem.parts)
     per_rank = np.array(comm.allgather([seconds, *phases, view.n, view.directed_bonds(), ghosts, stepper.bytes_sent, work]))
-    seconds, force, owned, bonds, work = per_rank[:, 0].max(), per_rank[:, 1], per_rank[:, 5], per_rank[:, 6], per_rank[:, 9]
+    seconds, force, owned, bonds, work = per_rank[:, 0].max(), per_rank[:, 1], *per_rank[:, 6:8].T, per_rank[:, 10]
     row = {
         "host": platform.node(), "ranks": comm.size, "path": problem.body.path.split(":")[0], "particles": int(owned.sum()),
         "bonds": int(bonds.sum()) // 2, "steps": study.steps, "seconds": float(seconds), "setup": simulation.seconds["setup"],
         "bond_imbalance": float(work.max() / work.mean()), "force_imbalance": float(force.max() / force.mean()),
-        "ghosts": int(per_rank[:, 7].sum()), "bytes_per_step": int(per_rank[:, 8].sum()),
+        "ghosts": int(per_rank[:, 8].sum()), "bytes_per_step": int(per_rank[:, 9].sum()),
         "particle_steps_per_second_and_core": float(owned.sum() * study.steps / (seconds * comm.size)),
     }
     for number, name in enumerate(PHASES):

@@ -3,7 +3,7 @@ from pathlib import Path
 
 from pdhpc.study.scaling import PHASES, efficiencies
 
-_COLOURS = {"force": "#2f6f9f", "exchange": "#c8553d", "wait": "#e0a458", "integrate": "#5b8e55", "other": "#b8b8b8"}
+_COLOURS = {"force": "#2f6f9f", "exchange": "#c8553d", "wait": "#e0a458", "integrate": "#5b8e55", "contact": "#8a6fae", "other": "#b8b8b8"}
 
 
 def report(study, rows, directory):

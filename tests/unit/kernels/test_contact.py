@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from pdhpc.kernels import contact as kernels
-from pdhpc.kernels.contact import ContactLaw, MetPoints, Pairs
+from pdhpc.kernels.contact import ContactLaw, Crowd, MetPoints, Pairs
 from pdhpc.kernels.neighbours import cell_list
 from pdhpc.warm_up import block
 
@@ -99,21 +99,31 @@ def test_friction_never_turns_a_sliding_around():
     assert change == pytest.approx(-0.25e-6, rel=1e-9)
 
 
+def crowd(points, members, allowance, distance):
+    """Return the Crowd of some points, as Contact makes it."""
+    largest = allowance[members].max(initial=0.0)
+    cells = cell_list(points.motion[members], distance + 2 * largest, 1)
+    return Crowd(cells._replace(order=members[cells.order].astype(np.int32)), float(largest))
+
+
+@pytest.mark.parametrize("n_fast", [0, 30, 200])
 @pytest.mark.parametrize("dim, third", [(2, None), (3, 2)])
-def test_near_pairs_are_all_there_in_order(dim, third):
+def test_near_pairs_are_all_there_in_order(dim, third, n_fast):
+    """Within d_ij + a_i + a_j of each other, a_i = 0.1 but for some that are fast and may go as far as 1."""
     points, _ = cloud(dim, 200, 5)
     random = np.random.default_rng(0)
-    ids, skin = random.permutation(200).astype(np.int64), 0.2
-    radius = 2 * points.reach.max() + skin
+    ids, allowance, distance = random.permutation(200).astype(np.int64), np.full(200, 0.1), 2 * points.reach.max()
+    allowance[random.choice(200, n_fast, False)] = random.uniform(0.2, 1.0, n_fast)
     sub, _ = block(dim, 4, 2.0)
     start, other, n_owned = np.zeros(151, np.int64), np.empty(100_000, np.int32), 150
     x = points.motion[:, :dim]
     points = points._replace(motion=np.ascontiguousarray(x))
-    arguments = cell_list(points.motion, radius, 1), points, ids, third, skin, radius, sub.bonds.arrays, False, np.zeros(4096, np.bool_), start
+    crowds = tuple(crowd(points, np.flatnonzero(some), allowance, distance) for some in (allowance <= 0.1, allowance > 0.1))
+    arguments = crowds, distance, points, allowance, ids, third, sub.bonds.arrays, False, np.zeros(4096, np.bool_), start
     end = kernels.list_near(*arguments, other)
     for i in range(n_owned):
         r = np.linalg.norm(x - x[i], axis=1)
-        limit = np.minimum(points.reach + points.reach[i], 0.9 * np.linalg.norm(points.reference - points.reference[i], axis=1)) + skin
+        limit = np.minimum(points.reach + points.reach[i], 0.9 * np.linalg.norm(points.reference - points.reference[i], axis=1)) + allowance + allowance[i]
         expected = [j for j in np.flatnonzero(r < limit) if j != i]
         expected.sort(key=lambda j: ids[j])
         assert other[start[i] : start[i + 1]].tolist() == expected
@@ -130,18 +140,22 @@ def test_pairs_are_free_where_no_bond_is_intact(path, lose_bonds):
     points = MetPoints(x.copy(), x, np.full(n, 0.7e-3), np.ones(n), np.zeros(n, np.uint8), particles.slots)
     stamp = np.zeros(len(particles.position), np.bool_)
     start, other = np.zeros(n + 1, np.int64), np.empty(1000, np.int32)
-    arguments = cell_list(points.motion, 2.5e-3, 1), points, particles.id[:n], None, 0.3e-3, 2.5e-3, sub.bonds.arrays
+    allowance = np.full(n, 0.15e-3)
+    crowds = crowd(points, np.arange(n), allowance, 1.4e-3), crowd(points, np.arange(0), allowance, 1.4e-3)
+    arguments = crowds, 1.4e-3, points, allowance, particles.id[:n], None, sub.bonds.arrays
     end = kernels.list_near(*arguments, True, stamp, start, other)
     assert end == 0, "every near pair is bonded"
     end = kernels.list_near(*arguments, False, stamp, start, other)
     pairs, intact, has_free = Pairs(start, other[:end], np.full(end, 9, np.uint8)), np.full(n, -1, np.int32), np.ones(n, bool)
-    kernels.free_pairs(sub.bonds.arrays, pairs, points, stamp, intact, has_free)
-    assert not pairs.free.any() and not has_free.any() and not stamp.any()
+    seen = np.zeros(n, bool)
+    kernels.free_pairs(sub.bonds.arrays, pairs, points, stamp, intact, has_free, seen)
+    assert not pairs.free.any() and not has_free.any() and not stamp.any() and not seen.any()
     lose_bonds(sub, 12)
-    kernels.free_pairs(sub.bonds.arrays, pairs, points, stamp, intact, has_free)
+    kernels.free_pairs(sub.bonds.arrays, pairs, points, stamp, intact, has_free, seen)
     assert np.flatnonzero(has_free).tolist() == [12] and pairs.free[start[12] : start[13]].all() and pairs.free.sum() == start[13] - start[12]
     met = np.zeros(n, bool)
     kernels.mark_met(pairs, np.array([12]), met)
+    assert np.array_equal(met, seen)
     assert set(np.flatnonzero(met)) == {12, *other[start[12] : start[13]].tolist()}
 
 
@@ -159,8 +173,14 @@ def test_the_stiffest_particle():
 
 
 def test_largest_motion():
-    now, before = np.array([[0.0, 0.0], [3.0, 4.0]]), np.zeros((2, 2))
-    assert kernels.largest_motion(now, before, now, np.array([0, 1], np.int32)) == (25.0, 25.0)
-    assert kernels.largest_motion(now, before, now, np.array([0], np.int32)) == (0.0, 0.0)
+    now, before, slots, allowance = np.array([[0.0, 0.0], [3.0, 4.0]]), np.zeros((2, 2)), np.array([0, 1], np.int32), np.array([6.0, 8.0])
+    assert kernels.largest_motion(now, before, now, slots, allowance, 0.2) == (5.0, 5.0, 3.0, 0.5), "of 8 m 3 are left, and 4 were used before the last step of 1 m"
+    assert kernels.largest_motion(now, before, now, slots[:1], allowance, 0.2) == (0.0, 0.0, 6.0, 0.0)
     now[0, 0] = np.nan
-    assert kernels.largest_motion(now, before, before, np.array([0, 1], np.int32)) == (np.inf, np.inf)
+    assert kernels.largest_motion(now, before, before, slots, allowance, 0.2) == (np.inf, np.inf, -np.inf, np.inf)
+
+
+def test_allowances_of_fast_particles():
+    velocity, slots, allowance = np.array([[0.0, 0.0], [3.0, 4.0], [30.0, 40.0], [0.3, 0.4]]), np.array([3, 1, 2], np.int32), np.empty(3)
+    growth = kernels.allow(velocity, slots, 0.1, 0.1, 2.0, 1.0, allowance)
+    assert allowance == pytest.approx([0.1, 0.5, 2.0]) and growth == pytest.approx((1.2**2 + 1.6**2 + 3.1**2) / (3 * 1.2**2))

@@ -107,6 +107,23 @@ def _total(stepper):
     return sum(ledger.values()) - 2 * ledger["external_work"]
 
 
+def test_contact_has_a_clock_of_its_own(monkeypatch):
+    """Of a step in which a second passes at every look at the clock, contact takes one second in each of its three parts, and none of them is integration."""
+    from itertools import count
+
+    from pdhpc.conditions import conditions
+    from pdhpc.peridynamics import velocity_verlet
+
+    stepper, seconds = two().stepper(), count()
+    before = dict(stepper.seconds)
+    for module in (conditions, velocity_verlet):
+        monkeypatch.setattr(module.time, "perf_counter", lambda: float(next(seconds)))
+    stepper.begin()
+    stepper.finish()
+    assert stepper.seconds["contact"] - before["contact"] == 3.0
+    assert stepper.seconds["integrate"] - before["integrate"] == 5.0, "ten looks: begin 0 to 3, finish 4 to 9, less three"
+
+
 def test_losses_only_grow():
     stepper = two(contact="friction = 0.4\ndamping = 0.3", velocity="[-0.3, 0.2]").stepper()
     losses = []

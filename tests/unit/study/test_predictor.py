@@ -13,7 +13,7 @@ from pdhpc.study.scaling import PHASES
 
 def row(ranks, seconds, particles, **more):
     """A row of ten steps whose phases share the time evenly."""
-    phases = {f"{name}_{which}": seconds / 4 for name in PHASES for which in ("mean", "slowest")}
+    phases = {f"{name}_{which}": seconds / len(PHASES) for name in PHASES for which in ("mean", "slowest")}
     plain = {"kind": "strong", "steps": 10, "bond_imbalance": 1.0, "bytes_per_step": 0}
     return {**plain, **phases, "ranks": ranks, "seconds": seconds, "particles": particles, **more}
 
@@ -109,7 +109,7 @@ def test_calibration_gives_back_what_made_the_rows():
     for ranks in (1, 2):
         work = shares[ranks].blocks * LANES * slot * (crowding if ranks == 2 else 1) * 10
         messages = shares[ranks].ghosts * ghost * 10
-        rows.append({**row(ranks, work + messages, particles=10_000), "force_mean": work, "integrate_mean": 0.0, "exchange_mean": messages, "wait_mean": 0.0})
+        rows.append({**row(ranks, work + messages, particles=10_000), "force_mean": work, "integrate_mean": 0.0, "contact_mean": 0.0, "exchange_mean": messages, "wait_mean": 0.0})
     cost, found = calibrate(rows, 2, 3.0)
     assert cost.slot == pytest.approx(slot) and cost.ghost == pytest.approx(ghost) and found == pytest.approx(crowding)
     with pytest.raises(SceneError, match="none on 2"):

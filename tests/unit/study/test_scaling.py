@@ -40,7 +40,7 @@ def study(tmp_path):
 
 
 def row(ranks, seconds, repeat=0, particles=100, kind="strong", **more):
-    phases = {f"{name}_{which}": seconds / 4 for name in scaling.PHASES for which in ("mean", "slowest")}
+    phases = {f"{name}_{which}": seconds / len(scaling.PHASES) for name in scaling.PHASES for which in ("mean", "slowest")}
     blank = [name for name in COLUMNS if name not in ("study", "commit")]  # those the parent adds
     return {**dict.fromkeys(blank, 0), **phases, "ranks": ranks, "repeat": repeat, "seconds": seconds, "steps": 10, "particles": particles, "kind": kind, **more}
 
@@ -91,7 +91,7 @@ def test_efficiencies_are_medians_against_the_smallest_number_of_ranks():
     rows = [row(1, 8.0), row(1, 10.0, 1), row(1, 90.0, 2), row(4, 5.0)]
     table = efficiencies(rows)
     assert [(ranks, step, efficiency) for ranks, step, efficiency, _ in table] == [(1, 1.0, 1.0), (4, 0.5, 0.5)]  # 10 / (5 x 4)
-    assert table[0][3]["force"] == pytest.approx(0.25)
+    assert table[0][3]["force"] == pytest.approx(0.2)
     weak = efficiencies([row(2, 1.0, particles=100, kind="weak"), row(4, 1.25, particles=200, kind="weak")])
     assert weak[1][2] == pytest.approx(0.8)
 

@@ -12,7 +12,7 @@ def test_a_row_has_every_column_and_adds_up(tmp_path, monkeypatch):
     row = measure(study, parse_scene(plate((12, 10), 2.0), "plate"), MPI.COMM_SELF)
     assert set(COLUMNS) - set(row) == {"study", "kind", "commit", "repeat"}  # those the parent adds
     assert row["particles"] == 120 and row["steps"] == 5 and row["bond_imbalance"] == row["force_imbalance"] == 1.0
-    phases = sum(row[f"{name}_mean"] for name in ("force", "exchange", "wait", "integrate"))
+    phases = sum(row[f"{name}_mean"] for name in ("force", "exchange", "wait", "integrate", "contact"))
     assert 0.5 * row["seconds"] < phases <= row["seconds"]
     assert list(tmp_path.iterdir()) == []  # the frame that was timed is gone
 
