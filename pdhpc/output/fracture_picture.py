@@ -5,6 +5,7 @@ from typing import NamedTuple, Optional, Tuple
 import numpy as np
 
 from pdhpc.output.figure import INK, PAPER, crack_colours, save, time_text, title_of
+from pdhpc.output.impactors_picture import reach_of, read_impactors, tint
 from pdhpc.output.pixels import CUT, Body, Frame
 from pdhpc.output.rendering import Camera, Canvas
 
@@ -39,7 +40,8 @@ def draw_fracture(directory, view=View()):
         return None
     camera = Camera.at(view.azimuth, view.elevation)
     axis, place = view.cut or _middle(camera, body)
-    low, high = _frame_of(camera, body, frame)
+    rigids = read_impactors(directory, frame.step)
+    low, high = _frame_of(camera, body, frame, rigids)
     whole, cut, damaged = (Canvas(camera, low, high, _LONGEST_SIDE) for _ in range(3))
     kept_side = -1.0 if camera.toward[axis] > 0.0 else 1.0
     for reference, points, radius, values in _balls(body, frame):
@@ -48,8 +50,9 @@ def draw_fracture(directory, view=View()):
         cut.draw(points[behind], radius[behind], values[behind])
         broken = (values >= view.above) | (values == _PRECRACKED)
         damaged.draw(points[broken], radius[broken], values[broken])
+    half = kept_side * np.eye(3)[axis], kept_side * place
     views = (("surface", whole, None), (f"cut at {'xyz'[axis]} = {place:.4g} m", cut, None), (f"damage from {view.above:g} on", damaged, whole))
-    return _paint(directory, frame, body, views)
+    return _paint(directory, frame, views, {"surface": (rigids, None), views[1][0]: (rigids, half)})
 
 
 def _middle(camera, body):
@@ -58,8 +61,8 @@ def _middle(camera, body):
     return axis, float(body.lower[axis] + body.upper[axis]) / 2
 
 
-def _frame_of(camera, body, frame):
-    """Return (low, high), (2,) m, the frame of the pictures: all particles, but those that flew farther than half the body's diagonal."""
+def _frame_of(camera, body, frame, rigids):
+    """Return (low, high), (2,) m, the frame of the pictures: all particles and impactors, but what is farther than half the body's diagonal."""
     room = _FARTHEST * float(np.linalg.norm(body.upper - body.lower)) + body.spacing
     farthest = camera.extent(body.lower - room, body.upper + room)
     low, high = np.full(2, np.inf), np.full(2, -np.inf)
@@ -67,6 +70,10 @@ def _frame_of(camera, body, frame):
         flat, reach = points @ np.stack([camera.right, camera.up], axis=1), float(radius.max(initial=0.0))
         flat = flat[np.isfinite(flat).all(axis=1)]
         low, high = np.minimum(low, flat.min(axis=0, initial=np.inf) - reach), np.maximum(high, flat.max(axis=0, initial=-np.inf) + reach)
+    for rigid in rigids:
+        if rigid.bounded:
+            around = reach_of(rigid, camera)
+            low, high = np.minimum(low, around[0]), np.maximum(high, around[1])
     return np.maximum(low, farthest[0]), np.minimum(high, farthest[1])
 
 
@@ -84,8 +91,8 @@ def _balls(body, frame):
             yield reference, moved, _RADIUS * np.cbrt(points["volume"][piece]), values
 
 
-def _paint(directory, frame, body, views):
-    """Put the views beside each other, with one colour bar."""
+def _paint(directory, frame, views, rigids):
+    """Put the views beside each other, with one colour bar; rigids : {title of a view: (impactors in it, what is kept of them)}."""
     import matplotlib.pyplot as plt
 
     colours = crack_colours()
@@ -95,7 +102,7 @@ def _paint(directory, frame, body, views):
     height = min(8.0, max(2.2, 5.2 * rows / columns))
     figure, all_axes = plt.subplots(1, len(views), figsize=(16.5, height + 1.0), facecolor=PAPER, constrained_layout=True)
     for axes, (title, canvas, behind) in zip(all_axes, views):
-        axes.imshow(_colour(canvas, behind, colours, largest), origin="lower", extent=canvas.extent, interpolation="nearest")
+        axes.imshow(tint(_colour(canvas, behind, colours, largest), canvas, *rigids.get(title, ([], None))), origin="lower", extent=canvas.extent, interpolation="nearest")
         axes.set_title(title, fontsize=11, color=INK)
         axes.set_axis_off()
     scale = plt.cm.ScalarMappable(plt.Normalize(0.0, largest), colours)

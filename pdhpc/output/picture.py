@@ -12,6 +12,7 @@ from pdhpc.output.fields import frame_times
 from pdhpc.output.figure import INK, PAPER, dress, figure_of, length_unit, planes_of, rounded, save, squares, time_text, title_of
 from pdhpc.output.fracture_picture import View, draw_fracture
 from pdhpc.output.history import read_history
+from pdhpc.output.impactors_picture import draw_outlines, read_impactors
 from pdhpc.output.mesh_picture import draw_mesh
 from pdhpc.output.patches_picture import draw_patches
 from pdhpc.output.pixels import PRECRACK_WORDS, Body, Frame, pixels_of, show_damage
@@ -61,8 +62,10 @@ def _draw_damage(directory, body, frame):
     planes = planes_of(body)
     figure, all_axes = figure_of(body, planes)
     unit, factor = length_unit(body)
+    rigids = read_impactors(directory, frame.step)
     for axes, plane in zip(all_axes, planes):
         shown = show_damage(axes, body, frame, plane, factor)
+        draw_outlines(axes, rigids, plane, factor)
         dress(axes, plane, unit)
     figure.colorbar(shown, ax=list(all_axes), label="damage", shrink=0.85, pad=0.015, aspect=24)
     figure.suptitle(f"{title_of(directory)}   t = {time_text(frame.time)}{PRECRACK_WORDS if 'precrack' in frame.names else ''}", fontsize=12, color=INK)
@@ -90,6 +93,7 @@ def _draw_deformed(directory, body, frame):
     scale = rounded(0.03 * size / largest) if largest > 0 and size > 0 and np.isfinite(largest) else 1.0
     scale = 1.0 if largest > 0.03 * size else scale
     name = "damage" if "damage" in frame.names else "displacement"
+    rigids = [rigid.moved(scale) for rigid in read_impactors(directory, frame.step)]
     planes = planes_of(body)
     figure, all_axes = figure_of(body, planes)
     unit, factor = length_unit(body)
@@ -99,6 +103,7 @@ def _draw_deformed(directory, body, frame):
         else:
             image, extent = pixels_of(body, frame, name, plane, scale)
             shown = axes.imshow(image, origin="lower", extent=[factor * x for x in extent], cmap="cividis", interpolation="nearest")
+        draw_outlines(axes, rigids, plane, factor)
         dress(axes, plane, unit)
     figure.colorbar(shown, ax=list(all_axes), label=name if name == "damage" else "displacement magnitude [m]", shrink=0.85, pad=0.015, aspect=24)
     figure.suptitle(f"{title_of(directory)}   displacements x {scale:g}   t = {time_text(frame.time)}", fontsize=12, color=INK)

@@ -65,7 +65,7 @@ def claim_directory(path, overwrite):
 
 def _drawn():
     """Names of the pictures that pdhpc draws."""
-    return ("damage", "deformed", "displacement", "energies", "enrichment", "patches", "stress", "tip")
+    return ("damage", "deformed", "displacement", "energies", "enrichment", "fracture", "patches", "stress", "tip")
 
 
 def write_text(path, text):

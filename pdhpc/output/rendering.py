@@ -62,17 +62,22 @@ class Canvas:
 
     def light(self):
         """Return (rows, columns), 0 to 1: how bright a matt surface of this depth is, 1 where there is none."""
-        from scipy.ndimage import gaussian_filter
+        return light_of(self.depth, self.pixel)
 
-        covered = np.isfinite(self.depth)
-        if not covered.any():
-            return np.ones_like(self.depth)
-        weight = gaussian_filter(covered.astype(float), 1.5)
-        smooth = gaussian_filter(np.where(covered, self.depth, 0.0), 1.5) / np.maximum(weight, 1e-12)  # of what is covered alone
-        slope = np.clip(np.stack([np.gradient(smooth, axis=1), np.gradient(smooth, axis=0)]) / self.pixel, -_STEEPEST, _STEEPEST) if min(smooth.shape) > 1 else np.zeros((2, *smooth.shape))
-        normal = np.stack([-slope[0], -slope[1], np.ones_like(smooth)]) / np.sqrt(1.0 + (slope**2).sum(axis=0))
-        facing = np.clip(np.tensordot(_LIGHT / np.linalg.norm(_LIGHT), normal, axes=1), 0.0, 1.0)
-        return np.where(covered, _AMBIENT + (1.0 - _AMBIENT) * facing, 1.0)
+
+def light_of(depth, pixel):
+    """Return (rows, columns), 0 to 1: how bright a matt surface of a depth, m, is, -inf where there is none and 1 there; pixel : its side, m."""
+    from scipy.ndimage import gaussian_filter
+
+    covered = np.isfinite(depth)
+    if not covered.any():
+        return np.ones_like(depth)
+    weight = gaussian_filter(covered.astype(float), 1.5)
+    smooth = gaussian_filter(np.where(covered, depth, 0.0), 1.5) / np.maximum(weight, 1e-12)  # of what is covered alone
+    slope = np.clip(np.stack([np.gradient(smooth, axis=1), np.gradient(smooth, axis=0)]) / pixel, -_STEEPEST, _STEEPEST) if min(smooth.shape) > 1 else np.zeros((2, *smooth.shape))
+    normal = np.stack([-slope[0], -slope[1], np.ones_like(smooth)]) / np.sqrt(1.0 + (slope**2).sum(axis=0))
+    facing = np.clip(np.tensordot(_LIGHT / np.linalg.norm(_LIGHT), normal, axes=1), 0.0, 1.0)
+    return np.where(covered, _AMBIENT + (1.0 - _AMBIENT) * facing, 1.0)
 
 
 @kernel

@@ -28,9 +28,9 @@ def painted(monkeypatch):
     """What the views are painted from: {title: (canvas, behind)}."""
     seen = {}
 
-    def paint(directory, frame, body, views):
+    def paint(directory, frame, views, rigids):
         seen.update({title: (canvas, behind) for title, canvas, behind in views})
-        return whole(directory, frame, body, views)
+        return whole(directory, frame, views, rigids)
 
     whole = fracture_picture._paint
     monkeypatch.setattr(fracture_picture, "_paint", paint)
