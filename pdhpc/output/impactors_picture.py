@@ -9,8 +9,8 @@ from pdhpc.output.figure import INK
 from pdhpc.output.history import read_history
 from pdhpc.output.rendering import light_of
 
-_STEEL = np.array([0.36, 0.45, 0.55])
-_OPAQUE = 0.45  # of a ball in front of a body, so that what it struck is seen
+_GLASS = np.array([0.42, 0.58, 0.78])
+_OPAQUE = 0.6  # of a ball in front of a body, so that what it struck is seen
 _EDGE = 0.9  # of its outline
 _CORNERS = 96  # points of a circle
 
@@ -165,5 +165,5 @@ def tint(image, canvas, rigids, kept=None):
         inner[1:-1, 1:-1] &= covered[:-2, 1:-1] & covered[2:, 1:-1] & covered[1:-1, :-2] & covered[1:-1, 2:]
         seen = covered & (depth > canvas.depth)
         share = np.where(inner, _OPAQUE, _EDGE)[seen][:, None]
-        image[seen] = (1.0 - share) * image[seen] + share * np.where(inner, light_of(depth, canvas.pixel), 0.5)[seen][:, None] * (0.45 + 0.55 * _STEEL)
+        image[seen] = (1.0 - share) * image[seen] + share * np.where(inner, light_of(depth, canvas.pixel), 0.4)[seen][:, None] * _GLASS
     return image
