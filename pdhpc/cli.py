@@ -2,11 +2,11 @@
 import argparse
 import sys
 
-EXIT_FAILED, EXIT_BAD_INPUT = 1, 2
+EXIT_FAILED, EXIT_BAD_INPUT, EXIT_STOPPED = 1, 2, 3
 
 
 def main(arguments=None):
-    """Run one subcommand and exit with its code: 0 done, 1 failed in the run, 2 bad input."""
+    """Run one subcommand and exit with its code: 0 done, 1 failed in the run, 2 bad input, 3 stopped on request, the state saved."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     words, petsc_options = _split_petsc_options(words)
     options = _parser().parse_args(words)
@@ -32,6 +32,12 @@ def _parser():
     run.add_argument("--quiet", action="store_true", help="no progress, no table")
     _add_set(run)
     run.set_defaults(action=_run)
+    restart = commands.add_parser("restart", help="go on with a run from its last checkpoint, on any number of ranks", epilog="Options after -- go to PETSc.")
+    restart.add_argument("directory", metavar="DIR")
+    restart.add_argument("--quiet", action="store_true", help="no progress, no table")
+    restart.add_argument("--set", action="append", default=[], metavar="section.key=value", dest="overrides",
+                         help="change time.end, or keys of output and checkpoint; may be repeated")
+    restart.set_defaults(action=_restart)
     check = commands.add_parser("check", help="say what a scene would do, without running it")
     check.add_argument("scene", metavar="SCENE", nargs="?")
     check.add_argument("--explain", action="store_true", help="print every key: value, given or default, unit, meaning, source")
@@ -74,7 +80,7 @@ def _add_set(parser):
 
 def _report_errors(options):
     """Return the exit code of a subcommand; an expected error becomes one sentence on rank 0."""
-    from pdhpc.run import RunError
+    from pdhpc.run import RunError, StopRequested
     from pdhpc.output.record import OutputError
     from pdhpc.parallel.linear_solver import OptionError
     from pdhpc.scene.read import SceneError
@@ -87,6 +93,8 @@ def _report_errors(options):
         return _say(error, getattr(error, "exit_code", EXIT_FAILED))
     except RunError as error:
         return _say(error, EXIT_FAILED)
+    except StopRequested as stop:
+        return _say(stop, EXIT_STOPPED)
 
 
 def _say(error, code):
@@ -115,17 +123,34 @@ def _run(options):
     simulation = Simulation(scene, comm, options.petsc_options)
     record = simulation.run(options.output, options.overwrite, options.quiet)
     if comm.rank == 0:
-        _finish_on_root(scene, record, options)
+        _finish_on_root(scene, record, options.output, options.quiet)
     return 0
 
 
-def _finish_on_root(scene, record, options):
+def _restart(options):
+    from pdhpc.parallel.comm import on_root, world
+    from pdhpc.parallel.linear_solver import use_options
+    from pdhpc.restart import find, scene_of
+    from pdhpc.simulation import Simulation
+
+    comm = world()
+    saved = on_root(comm, find, options.directory)
+    scene = scene_of(saved[0], options.directory, options.overrides)
+    use_options(options.petsc_options)
+    simulation = Simulation(scene, comm, options.petsc_options)
+    record = simulation.resume(options.directory, saved, options.quiet)
+    if comm.rank == 0:
+        _finish_on_root(scene, record, options.directory, options.quiet)
+    return 0
+
+
+def _finish_on_root(scene, record, directory, quiet):
     """Draw the pictures and print the summary."""
     from pdhpc.report import print_summary
 
-    pictures = _draw(options.output, scene) if scene.output.pictures else []
-    if not options.quiet:
-        print_summary(record, options.output, pictures)
+    pictures = _draw(directory, scene) if scene.output.pictures else []
+    if not quiet:
+        print_summary(record, directory, pictures)
 
 
 def _draw(directory, scene, **view):

@@ -9,6 +9,10 @@ class RunError(RuntimeError):
     """A run that cannot go on: one sentence with the number that shows it."""
 
 
+class StopRequested(RuntimeError):
+    """A run that stops because it was asked to, its state saved."""
+
+
 class Observer:
     """Watches a run. `steps` is the sorted list of steps it wants to see, or an interval given as `every`."""
 
@@ -18,19 +22,32 @@ class Observer:
     def start(self, stepper):
         """Look at the initial state. Collective."""
 
+    def resume(self, stepper):
+        """Look at the state that a run goes on from, in the place of `start`. Collective."""
+
+    def state(self):
+        """Return {key: Entry} of what the observer needs to go on."""
+        return {}
+
     def observe(self, stepper):
         """Look at the state after one of its steps. Collective."""
 
     def finish(self, stepper):
         """Look at the final state. Collective."""
 
+    def salvage(self, stepper):
+        """Write what there is of a step that failed; its state is finite. Collective."""
 
-def drive(stepper, n_steps, observers, seconds):
+    def close(self):
+        """Give back what was taken, also after a failure. Local."""
+
+
+def drive(stepper, n_steps, observers, seconds, resumed=False):
     """Advance `stepper` until it has done n_steps, calling each observer after the steps it asked for. Collective.
 
-    seconds : dict, gains "observe": wall seconds spent in observers.
+    seconds : dict, gains "observe": wall seconds spent in observers. resumed : whether the run goes on from a checkpoint.
     """
-    _timed(seconds, observers, "start", stepper)
+    _timed(seconds, observers, "resume" if resumed else "start", stepper)
     schedule = _schedule(observers, stepper.step, n_steps)
     while stepper.step < n_steps:
         stepper.advance()

@@ -12,15 +12,18 @@ from pathlib import Path
 import numpy as np
 
 from pdhpc import __version__
+from pdhpc.observers.checkpoint import Checkpoints
 from pdhpc.observers.guard import FiniteGuard
 from pdhpc.observers.output import FieldOutput, HistoryOutput, columns, steps_of
 from pdhpc.observers.progress import Progress
+from pdhpc.output.checkpoint import write_checkpoint
 from pdhpc.output.fields import FieldWriter
 from pdhpc.output.history import History
 from pdhpc.output.record import OutputError, claim_directory, write_json
 from pdhpc.parallel.comm import agree_on_error, on_root, world
 from pdhpc.parallel.linear_solver import SolverError, start_petsc, unused_options
-from pdhpc.run import RunError, drive
+from pdhpc.restart import go_on
+from pdhpc.run import RunError, StopRequested, drive
 from pdhpc.scene.body import law_of, path_of
 from pdhpc.scene.build import build
 from pdhpc.scene.gauges import make_fragments, make_gauges
@@ -71,22 +74,46 @@ class Simulation:
         ------
         OutputError: the directory holds another run, or cannot be written. RunError: the run cannot go on.
         """
+        if directory is not None:
+            on_root(self.comm, claim_directory, str(directory), overwrite)
+        return self._drive(directory, self._observers(directory, quiet))
+
+    def resume(self, directory, saved, quiet=False):
+        """Go on from the newest of the checkpoints `saved` (restart.Saved) that can be read, and write to the same directory. Collective.
+
+        Returns, Raises
+        ---------------
+        as run; OutputError: no checkpoint can be read, or none is of this scene.
+        """
+        observers = self._observers(directory, quiet)
+        entries = {key: entry for each in (self.stepper, *observers) for key, entry in each.state().items()}
+        self.warnings += go_on(self.comm, saved, self.problem, entries)
+        with _solver_errors():
+            self.stepper.resume()
+        return self._drive(directory, observers, resumed=True)
+
+    def _drive(self, directory, observers, resumed=False):
+        """Run to the end and return the content of run.json. Collective."""
         writes = directory is not None
         if writes:
-            on_root(self.comm, claim_directory, str(directory), overwrite)
             self._write(directory, self._record("running"))
-        observers, progress = self._observers(directory, quiet)
         try:
             with _solver_errors():
-                drive(self.stepper, self.problem.n_steps, observers, self.seconds)
+                drive(self.stepper, self.problem.n_steps, observers, self.seconds, resumed)
         except Exception as error:
-            progress.close()
-            if writes and isinstance(error, (RunError, OutputError)):  # these are raised on every rank
-                with contextlib.suppress(OutputError):
-                    self._write(directory, {**self._record("failed"), "error": str(error)})
+            for each in observers:
+                each.close()
+            if writes and isinstance(error, (RunError, OutputError, StopRequested)):  # these are raised on every rank
+                status = {"status": "stopped"} if isinstance(error, StopRequested) else {"error": str(error)}
+                with contextlib.suppress(OutputError, RunError):
+                    if getattr(self.stepper, "torn", False):
+                        for each in observers:
+                            each.salvage(self.stepper)
+                    self._write(directory, {**self._record("failed"), **status})
             raise
         if self.energies.latest and self.energies.relative_error() > _LARGE_BALANCE_ERROR:
-            self.warnings.append(f"the energy balance is off by {self.energies.relative_error():.1%} of the largest energy")
+            self.warnings.append(f"the energy balance is off by {self.energies.relative_error():.1%} of the largest energy: run it once more with half of time.safety; what"
+                                 " remains is not of the step")
         if self.coupling is not None:
             self.warnings += self.coupling.warnings()
         self.warnings += self.problem.remarks(self.comm) + unused_options(self._petsc_options)
@@ -96,7 +123,7 @@ class Simulation:
         return record
 
     def _observers(self, directory, quiet):
-        """Return (observers, the progress display)."""
+        """Return the observers, in their order."""
         problem, scene = self.problem, self.scene
         frames = steps_of(scene.output_times(), problem.dt, problem.n_steps)
         rows = steps_of(sorted(set(scene.history_times()) | set(scene.output_times())), problem.dt, problem.n_steps)
@@ -109,9 +136,20 @@ class Simulation:
             observers += problem.outputs(self.comm, directory)
             gauges = [self.energies, *coupling, *self.probes, *self.tips, *([] if self.fragments is None else [self.fragments])]
             observers.append(HistoryOutput(History(Path(directory) / "history.csv", columns(gauges), self.comm), gauges, rows))
+            observers.append(Checkpoints(self.comm, self._saver(directory, observers), scene.checkpoint, problem.n_steps))
         else:
             observers.append(HistoryOutput(_Nowhere(), [self.energies, *coupling], [problem.n_steps]))
-        return observers + [progress], progress
+        return observers + [progress]
+
+    def _saver(self, directory, observers):
+        """Return the function that writes a checkpoint."""
+        def save(stepper):
+            entries = {key: entry for each in (stepper, *observers) for key, entry in each.state().items()}
+            header = {"step": stepper.step, "time": stepper.time, "dt": self.problem.dt, "scene": self.scene.given(), "scene_file": self.scene.source,
+                      "versions": versions(), "host": platform.node()}
+            write_checkpoint(self.comm, directory, header, entries)
+
+        return save
 
     def _computed(self):
         """Return {name: function that returns the field}, of fields that are found by an exchange."""
@@ -166,6 +204,9 @@ def _solver_errors():
 
 class _Nowhere:
     """History of a run that writes nothing."""
+
+    def begin(self):
+        """Write nothing."""
 
     def append(self, row):
         """Drop the row."""

@@ -3,11 +3,14 @@ import time
 
 import numpy as np
 
+from pdhpc import state
+
 
 class Conditions:
     """Loads (BodyForce) and motions (PrescribedMotion), with the work they did.
 
-    Subclasses have forces() -> (n_slots, dim), what loads are added to, and volumes(indices) -> (n,) or a number, what takes accounts of work at slots to J.
+    Subclasses have forces() -> (n_slots, dim), what loads are added to, volumes(indices) -> (n,) or a number, what takes accounts of work at slots to J,
+    and ids(indices) -> (n,) int64, global ids of what is at slots.
     """
 
     def __init__(self, fields, half_inertia, loads, motions):
@@ -37,7 +40,7 @@ class Conditions:
     def begin(self):
         """Take the present kinetic energy of prescribed components as that of the start."""
         for motion, half in zip(self.motions, self._half_inertia):
-            motion.initial_kinetic = motion.kinetic(self._fields.velocity, half)
+            motion.initial_kinetic[:] = motion.kinetic(self._fields.velocity, half)
 
     def work_of_old_forces(self, dt):
         """Account for the work of the forces at the step's start; the velocity is that of the half step."""
@@ -59,12 +62,10 @@ class Conditions:
         return np.concatenate(parts) if parts else np.empty(0)
 
     def state(self):
-        """Return {key: (getter, setter)} of the work accounts."""
-        accounts = {}
-        for number, each in enumerate(self.loads + self.motions):
-            accounts[f"work/{number}"] = (lambda each=each: each.work, lambda value, each=each: np.copyto(each.work, value))
+        """Return {key: Entry} of the work accounts."""
+        accounts = {f"work/{number}": state.rows(each.work, self.ids(each.indices)) for number, each in enumerate(self.loads + self.motions)}
         for number, motion in enumerate(self.motions):
-            accounts[f"initial_kinetic/{number}"] = (lambda m=motion: m.initial_kinetic, lambda value, m=motion: np.copyto(m.initial_kinetic, value))
+            accounts[f"initial_kinetic/{number}"] = state.rows(motion.initial_kinetic, self.ids(motion.indices))
         return accounts
 
 
@@ -109,11 +110,11 @@ class ParticleConditions(Conditions):
         return np.concatenate([super().external_work(), *(work for each in self.interactions for work in each.external_work())])
 
     def state(self):
-        """Return {key: (getter, setter)} of the work accounts and of the interactions."""
-        state = super().state()
+        """Return {key: Entry} of the work accounts and of the interactions."""
+        entries = super().state()
         for each in self.interactions:
-            state.update(each.state())
-        return state
+            entries.update(each.state())
+        return entries
 
     def held(self):
         """Return (n_owned, dim) bool: the components of owned particles whose motion is prescribed."""
@@ -125,6 +126,10 @@ class ParticleConditions(Conditions):
     def forces(self):
         """Return (n_slots, dim) force densities, N/m^3."""
         return self.particles.force_density
+
+    def ids(self, indices):
+        """Return (n,) int64, global ids of owned particles by slot."""
+        return self.particles.ids_at(indices)
 
     def volumes(self, indices):
         """Return (n,) volumes, m^3; loads, like masses, are shared between the copies of a particle."""

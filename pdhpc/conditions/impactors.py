@@ -1,6 +1,8 @@
 """Rigid impactors: where they are, how they move, and the energy that they hold. They do not rotate."""
 import numpy as np
 
+from pdhpc import state
+
 SPHERE, CYLINDER, PLANE = 0, 1, 2
 
 
@@ -62,9 +64,7 @@ class Impactor:
             self.velocity[:] = self._scaled * self.time_function.value(self.time)
 
     def state(self):
-        """Return {key: (getter, setter)} of what a continued run needs."""
-        arrays = {key: getattr(self, key) for key in ("position", "velocity", "force", "travelled")}
-        state = {f"impactor/{self.name}/{key}": (lambda a=array: a, lambda value, a=array: np.copyto(a, value)) for key, array in arrays.items()}
-        for key in ("gravity_work", "time"):
-            state[f"impactor/{self.name}/{key}"] = (lambda key=key: getattr(self, key), lambda value, key=key: setattr(self, key, float(value)))
-        return state
+        """Return {key: Entry} of what a continued run needs."""
+        entries = {key: state.whole(getattr(self, key)) for key in ("position", "velocity", "force", "travelled")}
+        entries.update({key: state.number(self, key) for key in ("gravity_work", "time")})
+        return {f"impactor/{self.name}/{key}": entry for key, entry in entries.items()}

@@ -23,6 +23,12 @@ class NodalConditions(Conditions):
         """Return 1: accounts of nodal forces are in J."""
         return 1.0
 
+    def ids(self, indices):
+        """Return (n,) int64, global ids of owned vertices by slot."""
+        by_slot = np.full(self.nodes.n_slots, -1, np.int64)
+        by_slot[self.nodes.owned_slots] = self.nodes.ids
+        return by_slot[indices]
+
     def constrained(self):
         """Return (n_slots, width) bool: components of owned vertices that follow a motion. Local."""
         flags = np.zeros((self.nodes.n_slots, self.nodes.width), bool)

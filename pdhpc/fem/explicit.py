@@ -5,6 +5,7 @@ import numpy as np
 
 from pdhpc.fem.internal_forces import InternalForces
 from pdhpc.kernels.motion import drift_by_mass, kick_by_mass, kick_drift_by_mass
+from pdhpc.state import number
 
 
 class Explicit:
@@ -87,11 +88,9 @@ class Explicit:
         self.seconds["integrate"] += time.perf_counter() - started
 
     def state(self):
-        """Return {key: (getter, setter)} of everything a continued run needs, arrays of owned vertices in ascending id."""
-        state = {name: rows_of(self.nodes, getattr(self.nodes, name)) for name in ("displacement", "velocity")}
-        state["step"] = (lambda: self.step, lambda value: setattr(self, "step", int(value)))
-        state.update(self.conditions.state())
-        return state
+        """Return {key: Entry} of everything a continued run needs; after the last is set, `resume`."""
+        entries = {name: self.nodes.entry(getattr(self.nodes, name)) for name in ("displacement", "velocity")}
+        return {**entries, "step": number(self, "step", int), **self.conditions.state()}
 
     def ledger(self):
         """Return {name: (n,) J} of this rank's contributions to the energies; sums over all ranks are the body's. Local.
@@ -108,8 +107,3 @@ class Explicit:
             "dissipated_energy": np.zeros(nodes.n_owned),
             "external_work": self.conditions.external_work(),
         }
-
-
-def rows_of(nodes, field):
-    """Return (getter, setter) of the owned rows of a field by slot."""
-    return lambda: nodes.owned(field), lambda value: nodes.put(field, value)

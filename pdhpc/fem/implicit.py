@@ -3,7 +3,7 @@ import time
 
 import numpy as np
 
-from pdhpc.fem.explicit import rows_of
+from pdhpc import state
 
 
 class Implicit:
@@ -80,12 +80,13 @@ class Implicit:
         self._applied[...] = applied
 
     def state(self):
-        """Return {key: (getter, setter)} of everything a continued run needs, arrays of owned vertices in ascending id."""
-        state = {name: rows_of(self.nodes, getattr(self.nodes, name)) for name in ("displacement", "velocity")}
-        for name, array in (("work", self._work), ("applied", self._applied)):
-            state[name] = (lambda array=array: array.copy(), lambda value, array=array: np.copyto(array, value))
-        state["step"] = (lambda: self.step, lambda value: setattr(self, "step", int(value)))
-        return state
+        """Return {key: Entry} of everything a continued run needs; after the last is set, `resume`."""
+        entries = {name: self.nodes.entry(getattr(self.nodes, name)) for name in ("displacement", "velocity")}
+        entries.update(work=state.rows(self._work, self.nodes.ids), applied=state.rows(self._applied, self.nodes.ids))
+        return {**entries, "step": state.number(self, "step", int)}
+
+    def resume(self):
+        """Nothing follows from the state. Local."""
 
     def ledger(self):
         """Return {name: (n,) J} of this rank's contributions to the energies; sums over all ranks are the body's. Collective over neighbouring ranks.

@@ -6,6 +6,7 @@ import numpy as np
 from pdhpc.fem.implicit import Implicit, refreshed
 from pdhpc.fem.vertex_matrix import ConstrainedSolver, VertexMatrix
 from pdhpc.parallel.linear_solver import Defaults
+from pdhpc.state import Entry
 
 DEFAULTS = Defaults("cg", 1e-10, 500, "gamg")
 
@@ -77,4 +78,4 @@ class Newmark(Implicit):
 
     def state(self):
         """Return what Implicit.state does and the acceleration, without which the next step would begin another motion."""
-        return {**super().state(), "acceleration": (lambda: self.acceleration.copy(), lambda value: np.copyto(self.acceleration, value))}
+        return {**super().state(), "acceleration": Entry(lambda: self.acceleration, lambda value: setattr(self, "acceleration", np.array(value)), self.nodes.ids)}

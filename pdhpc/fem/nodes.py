@@ -9,6 +9,7 @@ from pdhpc.fem.elements import ELEMENTS
 from pdhpc.kernels import cells as loops
 from pdhpc.kernels.simd import LANES
 from pdhpc.parallel.ghosts import GhostExchange
+from pdhpc.state import Entry
 
 
 class Stars(tuple):
@@ -48,6 +49,11 @@ class Nodes:
         return np.zeros((self.width if width is None else width, self.n_slots)).T
 
     @property
+    def ids(self):
+        """(n_owned,) int64, global ids of the owned vertices, ascending."""
+        return self.mesh.vertex_id[: self.n_owned]
+
+    @property
     def owned_slots(self):
         """(n_owned,) int32, slots of the owned vertices in ascending id."""
         return self.slots[: self.n_owned]
@@ -63,6 +69,10 @@ class Nodes:
     def put(self, field, values):
         """Store values (n_owned, ...) of owned vertices, in ascending id, in a field by slot. Local."""
         field[self.owned_slots] = values
+
+    def entry(self, field):
+        """Return the Entry of a field by slot: its owned rows. Local."""
+        return Entry(lambda: self.owned(field), lambda values: self.put(field, values), self.ids)
 
     def local(self, field):
         """Return (n_vertices, ...): the rows of a field by slot of all local vertices, as the mesh numbers them: a copy. Local."""

@@ -4,6 +4,7 @@
 """
 import numpy as np
 
+from pdhpc import state
 from pdhpc.gfem.ghost_force import ghost_force
 from pdhpc.gfem.patches import largest_principal_strains
 from pdhpc.gfem.view import CoupledView
@@ -199,7 +200,8 @@ class CoupledStep:
 
     def resume(self):
         """Bring everything that follows from the state up to date, after a state was put in. Collective."""
-        solution, particles = self.solution, self.local.subdomain.particles
+        solution, particles, bonds = self.solution, self.local.subdomain.particles, self.local.subdomain.bonds
+        counted = self.local.bond_evaluations, self.local.particle_steps
         solution.refresh("displacement", "velocity", "acceleration", "previous_acceleration")
         solution.first = self.step == 0
         kept = [(field, particles.owned(field).copy()) for field in (particles.position, particles.velocity)]
@@ -210,22 +212,25 @@ class CoupledStep:
         self.local.refresh()
         self.scheme.settle()
         solution.evaluate(self.time)
+        self.local.broken = int((bonds.initial_size - bonds.alive()).sum())
+        self.local.bond_evaluations, self.local.particle_steps = counted
 
     def state(self):
-        """Return {key: (getter, setter)} of everything a continued run needs; after the last setter, `resume`."""
-        solution, mesh, particles = self.solution, self.solution.mesh, self.local.subdomain.particles
-        n = mesh.n_owned
-        state = {"step": (lambda: self.step, lambda value: setattr(self, "step", int(value)))}
-        state["mesh/patches"] = (lambda: self.patches.chosen[:n], self.patches.restore)  # setting it is collective over neighbours
+        """Return {key: Entry} of everything a continued run needs; after the last is set, `resume`."""
+        solution, particles, bonds = self.solution, self.local.subdomain.particles, self.local.subdomain.bonds
+        n = solution.mesh.n_owned
+        ids = solution.mesh.vertex_id[:n]
+        entries = {"step": state.number(self, "step", int)}
+        entries["mesh/patches"] = state.Entry(lambda: self.patches.chosen[:n], self.patches.restore, ids)  # setting it is collective over neighbours
         for name in ("displacement", "velocity", "acceleration", "previous_acceleration"):
-            state[f"mesh/{name}"] = (lambda name=name: getattr(solution, name)[:n], lambda value, name=name: np.copyto(getattr(solution, name)[:n], value))
+            entries[f"mesh/{name}"] = state.Entry(lambda name=name: getattr(solution, name)[:n], lambda value, name=name: np.copyto(getattr(solution, name)[:n], value), ids)
         for name in ("position", "velocity", "dissipated"):
-            values = getattr(particles, name)
-            state[f"particles/{name}"] = (lambda values=values: particles.owned(values), lambda value, values=values: particles.put(values, value))
-        alive = self.local.subdomain.bonds.arrays.alive
-        state["alive"] = (lambda: alive, lambda value: np.copyto(alive, value))
-        state["scheme/lost"] = (lambda: self.scheme.lost, lambda value: setattr(self.scheme, "lost", float(value)))
-        return {**state, **solution.work_state(), **self.local.work_state()}
+            entries[f"particles/{name}"] = particles.entry(getattr(particles, name))
+        entries["bonds"] = state.Entry(bonds.states, bonds.set_states, particles.id[: particles.n_owned])
+        for name in ("bond_evaluations", "particle_steps"):
+            entries[f"particles/{name}"] = state.number(self.local, name, int, state.SUM)
+        entries["scheme/lost"] = state.number(self.scheme, "lost", of=state.SUM)
+        return {**entries, **solution.work_state(), **self.local.work_state()}
 
     def _timed(self, name):
         return Timer(self._stages, name)

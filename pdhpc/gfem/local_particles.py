@@ -14,6 +14,7 @@ from pdhpc.gfem.swept import MIXED, MOVING, WHOLE, Blended, Collar, mark_rows, r
 from pdhpc.gfem.points import interpolate
 from pdhpc.kernels import blend, sweeps
 from pdhpc.kernels.simd import LANES
+from pdhpc.state import SUM, Entry
 
 
 class LocalParticles:
@@ -254,8 +255,8 @@ class LocalParticles:
         return np.concatenate([np.array([self.load_work]), *(load.work * self.volume for load in self.acting)])
 
     def work_state(self):
-        """Return {key: (getter, setter)} of the work account: that of this rank, J."""
-        return {"work/particle_loads": (lambda: self.external_work().sum(), self._start_account)}
+        """Return {key: Entry} of the work account, J."""
+        return {"work/particle_loads": Entry(lambda: self.external_work().sum(), self._start_account, SUM)}
 
     def _start_account(self, work):
         self.load_work = float(work)

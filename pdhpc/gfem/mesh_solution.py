@@ -4,6 +4,7 @@ Elements act with the weight 1 - alpha at their particles' places; what the part
 """
 import numpy as np
 
+from pdhpc import state
 from pdhpc.gfem import lanes
 from pdhpc.gfem.lattice_material import add_kind_forces, kind_energies
 from pdhpc.jit import kernel
@@ -114,7 +115,7 @@ class MeshSolution:
         """Give prescribed components their velocity, and take their kinetic energy as that of the start. Collective over neighbours."""
         for motion in self.motions:
             motion.settle(self.velocity, 0.0)
-            motion.initial_kinetic = motion.kinetic(self.velocity, 0.5 * self.outside_mass[motion.indices])
+            motion.initial_kinetic[:] = motion.kinetic(self.velocity, 0.5 * self.outside_mass[motion.indices])
         self.refresh("velocity")
 
     def external_work(self):
@@ -125,12 +126,12 @@ class MeshSolution:
         return np.concatenate(parts)
 
     def work_state(self):
-        """Return {key: (getter, setter)} of the work accounts."""
-        state = {"work/mesh_loads": (lambda: self.load_work, lambda value: np.copyto(self.load_work, value))}
+        """Return {key: Entry} of the work accounts."""
+        ids, entries = self.mesh.vertex_id, {"work/mesh_loads": state.rows(self.load_work, state.SUM)}
         for number, motion in enumerate(self.motions):
-            state[f"work/motion_{number}"] = (lambda m=motion: m.work, lambda value, m=motion: np.copyto(m.work, value))
-            state[f"initial_kinetic/{number}"] = (lambda m=motion: m.initial_kinetic, lambda value, m=motion: np.copyto(m.initial_kinetic, value))
-        return state
+            entries[f"work/motion_{number}"] = state.rows(motion.work, ids[motion.indices])
+            entries[f"initial_kinetic/{number}"] = state.rows(motion.initial_kinetic, ids[motion.indices])
+        return entries
 
     def strain_energies(self):
         """Return (n,) J, of the elements of this rank that act. Local."""

@@ -15,6 +15,22 @@ def count_intact(bonds, slots, counts):
 
 
 @kernel
+def spread_bytes(alive, first, count, rows):
+    """Store alive[first[n] : first[n] + count[n]] in rows[n] (n, width)."""
+    for n in range(len(first)):
+        for byte in range(count[n]):
+            rows[n, byte] = alive[first[n] + byte]
+
+
+@kernel
+def collect_bytes(rows, first, count, alive):
+    """Store the first count[n] of rows[n] (n, width) in alive, from first[n] on."""
+    for n in range(len(first)):
+        for byte in range(count[n]):
+            alive[first[n] + byte] = rows[n, byte]
+
+
+@kernel
 def foremost_damaged(bonds, slots, initial_size, threshold, members, ahead):
     """Return the m whose members[m] (owned index) has a damage 1 - intact/initial above `threshold` with the largest ahead[m], m; -1 if none."""
     best, best_ahead = -1, -np.inf

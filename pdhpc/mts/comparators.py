@@ -4,6 +4,7 @@ import numpy as np
 from pdhpc.mts.two_regions import TwoRegions
 from pdhpc.mts.view import first_of
 from pdhpc.peridynamics.view import View
+from pdhpc.state import Entry
 
 
 class MicroContinuity(TwoRegions):
@@ -48,8 +49,9 @@ class MicroContinuity(TwoRegions):
         self.step += 1
 
     def state(self):
-        """Return {key: (getter, setter)} of everything a continued run needs."""
-        return {**super().state(), "free_velocity": (lambda: self._free_velocity, lambda value: setattr(self, "_free_velocity", value))}
+        """Return {key: Entry} of everything a continued run needs."""
+        ids = self.interface.fine.ids
+        return {**super().state(), "free_velocity": Entry(lambda: self._free_velocity, lambda value: setattr(self, "_free_velocity", np.array(value)), ids)}
 
 
 class Subcycling(TwoRegions):

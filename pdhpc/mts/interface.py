@@ -8,6 +8,7 @@ import numpy as np
 from pdhpc.conditions.loads import BodyForce
 from pdhpc.conditions.time_functions import Constant
 from pdhpc.kernels.overlap import break_bits, largest_elongation, mark_common, mark_intact, take_rows
+from pdhpc.state import SUM, Entry, number
 
 
 class Copies:
@@ -25,6 +26,11 @@ class Copies:
         self.mobility = np.where(held, 0.0, 1.0 / (density * share)[:, None])
         self.multiplier = np.zeros(held.shape)
         self._reaction = BodyForce(slots, np.zeros(held.shape), Constant())
+
+    @property
+    def ids(self):
+        """(n,) int64, global ids of the copies."""
+        return self.subdomain.particles.ids_at(self.slots)
 
     def add_to(self, force_density):
         """Add what the multipliers do to the copies to the force density of their region, N/m^3 of mass share. Local."""
@@ -117,11 +123,12 @@ class Interface:
         self.coarse.raise_multiplier(coarse_x)
 
     def state(self):
-        """Return {key: (getter, setter)} of the multipliers, the accounts of their work, and the gap that goes with them."""
-        state = {f"multiplier/{name}": (lambda c=c: c.multiplier, lambda value, c=c: c.set_multiplier(value)) for name, c in (("coarse", self.coarse), ("fine", self.fine))}
-        state["multiplier/work"] = (lambda: self.work, lambda value: setattr(self, "work", float(value)))
-        state["multiplier/gap"] = (lambda: self._last_gap, lambda value: setattr(self, "_last_gap", value))
-        return state
+        """Return {key: Entry} of the multipliers, the accounts of their work, and the gap that goes with them."""
+        entries = {f"multiplier/{name}": Entry(lambda c=c: c.multiplier, lambda value, c=c: c.set_multiplier(value), c.ids)
+                   for name, c in (("coarse", self.coarse), ("fine", self.fine))}
+        entries["multiplier/work"] = number(self, "work", of=SUM)
+        entries["multiplier/gap"] = Entry(lambda: self._last_gap, lambda value: setattr(self, "_last_gap", np.array(value)), self.fine.ids)
+        return entries
 
     def start_multipliers(self):
         """Set the multipliers that give both copies one acceleration: (q_A + q_B) L = a_A - a_B, with forces that hold none yet. Collective over the owners.

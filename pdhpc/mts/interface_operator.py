@@ -8,6 +8,7 @@ import numpy as np
 
 from pdhpc.kernels import overlap as loops
 from pdhpc.mts.ramp_response import chord, largest_z, response_polynomials
+from pdhpc.state import Entry
 
 
 class _Operator:
@@ -36,7 +37,7 @@ class _Operator:
         return getattr(self._solver, "failure", None)
 
     def state(self):
-        """Return {key: (getter, setter)} of what a continued run needs. Local."""
+        """Return {key: Entry} of what a continued run needs. Local."""
         return {}
 
     def velocity_offset(self):
@@ -197,8 +198,8 @@ class Kick(_Operator):
         self._offset = np.zeros_like(self.diagonal)
 
     def state(self):
-        """Return {key: (getter, setter)} of the velocities' offset. Local."""
-        return {"kick/offset": (lambda: self._offset, lambda value: setattr(self, "_offset", value))}
+        """Return {key: Entry} of the velocities' offset. Local."""
+        return {"kick/offset": Entry(lambda: self._offset, lambda value: setattr(self, "_offset", np.array(value)), self.interface.fine.ids)}
 
     def solve(self, gap):
         """Return 2 J/dT, what multipliers of this impulse would be. Local."""

@@ -8,6 +8,7 @@ import numpy as np
 
 from pdhpc.mts.energy import conserved_energy, inertia_of
 from pdhpc.mts.two_regions import Timer, TwoRegions
+from pdhpc.state import SUM, number
 
 
 class MultiTimeStep(TwoRegions):
@@ -106,8 +107,9 @@ class MultiTimeStep(TwoRegions):
         return np.concatenate([-(each.dt**2) / 4 * inertia_of(each, each.acceleration()) for each in (self.coarse, self.fine)])
 
     def state(self):
-        """Return {key: (getter, setter)} of everything a continued run needs: both regions and the multipliers."""
-        return {**super().state(), **self.interface.state(), **self.operator.state()}
+        """Return {key: Entry} of everything a continued run needs: both regions and the multipliers."""
+        counted = {"interface/bond_evaluations": number(self.operator, "bond_evaluations", int, SUM)}
+        return {**super().state(), **self.interface.state(), **self.operator.state(), **counted}
 
     def broken_in_overlap(self):
         """Return the directed bonds of this rank's fine copies to other copies that broke so far. Local."""

@@ -3,6 +3,8 @@ from time import perf_counter
 
 import numpy as np
 
+from pdhpc.state import number
+
 
 class TwoRegions:
     """A coarse region with one step dt and a fine one with m steps dt/m in it.
@@ -55,12 +57,18 @@ class TwoRegions:
         return {name: np.concatenate([each[name] for each in both]) for name in both[0]}
 
     def state(self):
-        """Return {key: (getter, setter)} of everything a continued run needs."""
-        state = {"step": (lambda: self.step, lambda value: setattr(self, "step", int(value)))}
+        """Return {key: Entry} of everything a continued run needs; after the last is set, `resume`."""
+        entries = {"step": number(self, "step", int)}
         for region, stepper in (("coarse", self.coarse), ("fine", self.fine)):
-            state.update({f"{region}/{key}": pair for key, pair in stepper.state().items()})
-            state[f"{region}/force_density"] = stepper.rows_of("force_density")  # after a link pass no function of the displacements alone
-        return state
+            particles = stepper.subdomain.particles
+            entries.update({f"{region}/{key}": entry for key, entry in stepper.state().items()})
+            entries[f"{region}/force_density"] = particles.entry(particles.force_density)  # after a link pass no function of the displacements alone
+        return entries
+
+    def resume(self):
+        """Bring everything that follows from the state up to date, after a state was put in. Collective over neighbours."""
+        for stepper in (self.coarse, self.fine):
+            stepper.resume(keep_forces=True)
 
 
 class Timer:

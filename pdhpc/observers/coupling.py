@@ -3,6 +3,7 @@ import numpy as np
 
 from pdhpc.parallel.comm import exact_sum, largest
 from pdhpc.run import Observer, RunError
+from pdhpc.state import EVERYWHERE, Entry, number
 
 _LARGEST_GAP = 0.1  # of the largest relative displacement of two bonded particles of the overlap
 _NOTICEABLE = 1e-3  # of the largest displacement: what runs ahead of a wave front is no failure
@@ -18,7 +19,7 @@ class Coupling:
     """
 
     def __init__(self, comm, stepper):
-        self.comm, self.latest, self.first = comm, {}, None
+        self.comm, self.latest, self.first, self._stepper = comm, {}, None, stepper
         unit = "J/s^2" if stepper.operator.keeps_multipliers else "J"
         self.columns = (f"conserved_quantity [{unit}]", "multiplier_work [J]", "velocity_gap [m/s]", "displacement_gap [m]", "interface_iterations",
                         "bond_evaluations_coarse", "bond_evaluations_fine", "bond_evaluations_interface", "load_imbalance", "broken_in_overlap")
@@ -45,6 +46,11 @@ class Coupling:
             self.first = self.latest["conserved_quantity"]
         return list(self.latest.values())
 
+    def state(self):
+        """Return {key: Entry} of the conserved quantity at the start, and of the iterations so far."""
+        iterations = Entry(lambda: largest(self.comm, self._stepper.iterations), lambda count: setattr(self._stepper, "iterations", int(count)), EVERYWHERE)
+        return {"coupling/first": number(self, "first"), "coupling/iterations": iterations}
+
     def relative_change(self):
         """Return the change of the conserved quantity since the start, over its first value; None where there is none."""
         if not self.latest or not np.isfinite(self.first) or self.first == 0.0:
@@ -67,6 +73,10 @@ class CouplingGuard(Observer):
     def start(self, stepper):
         """Take the energy at the start. Collective."""
         self._initial = self._energies(stepper)[0]
+
+    def state(self):
+        """Return {key: Entry} of the energies so far."""
+        return {"guard/initial": number(self, "_initial"), "guard/scale": number(self, "_scale")}
 
     def _energies(self, stepper):
         """Return (kinetic and strain energy, without what only comes and goes with the step; external work), J. Collective."""

@@ -4,6 +4,7 @@ from collections import deque
 import numpy as np
 
 from pdhpc.run import Observer
+from pdhpc.state import EVERYWHERE, Entry
 
 _SAMPLES_PER_WINDOW = 4
 
@@ -72,12 +73,19 @@ class CrackTip(Observer):
         return [*(self.position if self.position is not None else (np.nan,) * self._dim), self.speed]
 
     def state(self):
-        """Return {key: (getter, setter)} of the samples taken."""
-        key = f"tip/{self.settings.name}"
+        """Return {key: Entry} of the samples taken."""
+        return {f"tip/{self.settings.name}": Entry(self._taken, self._take, EVERYWHERE)}
 
-        def restore(values):
-            samples, self.position, self.speed, self.largest_speed, self._start, moments = values
-            self._samples.extend(samples)
-            np.copyto(self._moments, moments)
+    def _taken(self):
+        """Return the tip, the start of its path, its speeds, moments and samples, one after the other; NaN where there was no tip."""
+        places = [(np.nan,) * self._dim if place is None else place for place in (self.position, self._start)]
+        samples = [np.nan if sample is None else sample for sample in self._samples]
+        return np.concatenate([*places, (self.speed, self.largest_speed), self._moments.ravel(), samples])
 
-        return {key: (lambda: (list(self._samples), self.position, self.speed, self.largest_speed, self._start, self._moments.copy()), restore)}
+    def _take(self, values):
+        ends = np.cumsum([self._dim, self._dim, 2, self._moments.size])
+        position, start, speeds, moments, samples = np.split(np.asarray(values, float), ends)
+        self.position, self._start = (None if np.isnan(place).any() else tuple(place.tolist()) for place in (position, start))
+        self.speed, self.largest_speed = speeds.tolist()
+        self._moments[...] = moments.reshape(self._moments.shape)
+        self._samples.extend(None if np.isnan(sample) else float(sample) for sample in samples)

@@ -3,6 +3,7 @@ import numpy as np
 
 from pdhpc.parallel.comm import exact_sum, largest
 from pdhpc.run import Observer, RunError
+from pdhpc.state import EVERYWHERE, Entry, number
 
 _LARGEST_ENERGY = 1.1  # of what was there at the start and came in since
 
@@ -18,7 +19,7 @@ class Enrichment:
 
     def __init__(self, comm, stepper):
         """Collective."""
-        self.comm, self.latest, self._refused = comm, {}, 0
+        self.comm, self.latest, self._refused, self._stepper = comm, {}, 0, stepper
         self._total = comm.allreduce(stepper.view.n)
         self.columns = ("active_share", "enriched_x", "enriched_y", "energy_elements [J]", "energy_particles [J]", "mass_iterations", "mass_condition",
                         "projection_loss [J]", "ghost_force", "patches")
@@ -45,6 +46,13 @@ class Enrichment:
         self._refused = comm.allreduce(stepper.patches.refused)
         return list(self.latest.values())
 
+    def state(self):
+        """Return {key: Entry} of the solver's iterations so far."""
+        return {"enrichment/iterations": Entry(lambda: largest(self.comm, self._stepper.scheme.mass.iterations), self._count_from, EVERYWHERE)}
+
+    def _count_from(self, iterations):
+        self._stepper.scheme.mass.iterations = int(iterations)
+
     def summary(self):
         """Return what run.json says."""
         return dict(self.latest)
@@ -66,6 +74,10 @@ class EnrichmentGuard(Observer):
     def start(self, stepper):
         """Take the energy at the start. Collective."""
         self._initial = self._energies(stepper)[0]
+
+    def state(self):
+        """Return {key: Entry} of the energies so far."""
+        return {"guard/initial": number(self, "_initial"), "guard/scale": number(self, "_scale")}
 
     def _energies(self, stepper):
         """Return (kinetic and strain energy, external work), J. Collective."""

@@ -24,6 +24,15 @@ class FieldOutput(Observer):
         self.writer.write_frame(stepper.step, stepper.time, {name: self._field(stepper, name) for name in self.names})
         self._last = stepper.step
 
+    def salvage(self, stepper):
+        """Write the state of a step that failed. Collective."""
+        self.observe(stepper)
+
+    def resume(self, stepper):
+        """Go on behind the frames that are there. Collective."""
+        self.writer.resume(stepper.view.ids, stepper.step)
+        self._last = self.writer.frames[-1][1] if self.writer.frames else None
+
     def _field(self, stepper, name):
         return self.computed[name]() if name in self.computed else stepper.view.field(name)
 
@@ -45,7 +54,23 @@ class HistoryOutput(Observer):
 
     def start(self, stepper):
         """Write the row of the initial state. Collective."""
+        self.history.begin()
         self.observe(stepper)
+
+    def salvage(self, stepper):
+        """Append a row of a step that failed. Collective."""
+        self.observe(stepper)
+
+    def resume(self, stepper):
+        """Go on behind the rows that are there; gauges look at the present state. Collective."""
+        self._last = self.history.resume(stepper.step)
+        stepper.view.prepare()
+        for gauge in self.gauges:
+            gauge.read(stepper)
+
+    def state(self):
+        """Return {key: Entry} of the gauges."""
+        return {key: entry for gauge in self.gauges for key, entry in getattr(gauge, "state", dict)().items()}
 
     def observe(self, stepper):
         """Append a row. Collective."""

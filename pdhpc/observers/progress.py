@@ -30,6 +30,10 @@ class Progress(Observer):
             self._bar.start()
             self._task = self._bar.add_task("", total=self.n_steps, at="")
 
+    def resume(self, stepper):
+        """As `start`."""
+        self.start(stepper)
+
     def observe(self, stepper):
         """Move the bar, or print a line every tenth of the run; every time where a stepper has something to say of its last step."""
         if self._bar:

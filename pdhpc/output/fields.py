@@ -10,16 +10,16 @@ leaves all finished frames readable. Datasets are contiguous and uncompressed; e
 Vectors have three components, tensors nine, so that ParaView shows them in 2D too.
 """
 import json
-import os
-import warnings
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from pdhpc.output.record import OutputError, write_text
+from pdhpc.output.rows_file import Rows, publish, reason, write_file
 from pdhpc.output.xdmf import xdmf_text
-from pdhpc.parallel.comm import on_root
+from pdhpc.parallel.comm import agree_on_error, on_root
+from pdhpc.parallel.travel import fetch_rows, send_rows
 
 
 class Cells(NamedTuple):
@@ -27,20 +27,6 @@ class Cells(NamedTuple):
 
     kind: str
     corners: np.ndarray
-
-
-class Rows(NamedTuple):
-    """This rank's rows of a dataset: the first, their number, and the number of all."""
-
-    first: int
-    count: int
-    total: int
-
-    @classmethod
-    def of(cls, comm, count):
-        """Return the Rows of a rank that has `count`. Collective."""
-        counts = comm.allgather(count)
-        return cls(sum(counts[: comm.rank]), count, sum(counts))
 
 
 class FieldWriter:
@@ -51,81 +37,60 @@ class FieldWriter:
         self.comm, self.directory, self.header = comm, Path(directory), dict(header)
         self.frames = []  # (name, step, time, {field: components})
         self._points, self._cells, self._kind = Rows(0, 0, 0), Rows(0, 0, 0), None
+        self._rows = None  # of this rank's points in the file, where they are not those of this rank's turn
         on_root(comm, _make_folder, self.directory / "fields")
 
     def write_points(self, id, position, volume, block, cells=None):
         """Write the particles, or the vertices of a mesh: id (n,) int64, position (n, dim) m, volume (n,) m^3, block (n,); cells : Cells of a mesh."""
-        self._points = Rows.of(self.comm, len(id))
+        self._points, = Rows.of(self.comm, [len(id)])
         data = {"id": np.asarray(id, np.int64), "position": _wide(position), "volume": volume, "block": np.asarray(block, np.int32)}
         if cells is None:
             data["topology"] = np.arange(self._points.first, self._points.first + len(id), dtype=np.int64)[:, None]
         else:
-            self._cells, self._kind = Rows.of(self.comm, len(cells.corners)), cells.kind
+            (self._cells,), self._kind = Rows.of(self.comm, [len(cells.corners)]), cells.kind
             data["cells"] = np.ascontiguousarray(cells.corners, np.int64)
-        self._write_file("points.h5", data, {"dim": position.shape[1], "cell_kind": self._kind or ""})
+        write_file(self.comm, self.directory / "fields" / "points.h5", data, {"dim": position.shape[1], "cell_kind": self._kind or ""})
 
     def write_frame(self, step, time, fields):
         """Write one frame: fields {name: (n,), (n, dim) or (n, dim, dim) array} of the same points in the same order as in write_points."""
         name = f"{step:06d}"
         data = {key: _wide(values) for key, values in fields.items()}
-        self._write_file(f"frame_{name}.h5", data, {"step": step, "time": time})
+        if self._rows is not None:
+            data = self._in_order(data)
+        write_file(self.comm, self.directory / "fields" / f"frame_{name}.h5", data, {"step": step, "time": time})
         self.frames.append((name, step, time, {key: values.shape[1:] for key, values in data.items()}))
         on_root(self.comm, self._write_masters)
 
-    def _write_file(self, name, data, attributes):
-        """Write datasets by rows of all ranks into fields/NAME, complete or not at all; the same OutputError on every rank."""
-        path = self.directory / "fields" / name
-        part = path.with_name(name + ".part")
-        write = self._write_together if _parallel_h5py() and self.comm.size > 1 else self._write_in_turn
-        error = write(part, data, attributes)
-        errors = [each for each in self.comm.allgather(error) if each is not None]
-        if errors:
-            raise OutputError(f"{path}: cannot be written ({errors[0]})")
-        on_root(self.comm, _publish, part, path)
+    def resume(self, id, step):
+        """Go on after `step` of a run whose points and frames are there; later frames are removed. id (n,) int64, as given to write_points.
 
-    def _write_together(self, part, data, attributes):
-        """Write with parallel HDF5; return what went wrong, or None."""
-        import h5py
-
-        on_root(self.comm, _touch, part)
+        Raises
+        ------
+        OutputError: the files of the run cannot be read, or hold other points.
+        """
+        comm = self.comm
+        kept, (n_points, n_cells), kind = on_root(comm, _kept_frames, self.directory, step)
+        self.frames, self._kind = kept, kind
+        self._cells, self._points = Rows(0, 0, n_cells), Rows(0, 0, n_points)
+        first, last = n_points * comm.rank // comm.size, n_points * (comm.rank + 1) // comm.size
+        with agree_on_error(comm):
+            there = _read_ids(self.directory, first, last)
         try:
-            with h5py.File(part, "w", driver="mpio", comm=self.comm) as file:
-                self._create(file, data, attributes)
-                for key, values in data.items():
-                    _write_rows(file[key], self._rows(key).first, values)
-        except (OSError, RuntimeError, ValueError) as error:
-            return _reason(error)
-        return None
+            rows, = fetch_rows(comm, there, [np.arange(first, last)], np.asarray(id, np.int64))
+        except KeyError:
+            raise OutputError(f"{self.directory}: its fields are of other points") from None
+        mine, = Rows.of(comm, [len(id)])
+        in_turn = np.array_equal(rows, np.arange(mine.first, mine.first + len(id)))
+        self._rows = None if comm.allreduce(int(in_turn)) == comm.size else rows
+        on_root(comm, self._write_masters)
 
-    def _write_in_turn(self, part, data, attributes):
-        """Write one rank after the other, for an h5py without MPI; return what went wrong, or None."""
-        import h5py
-
-        if self.comm.size > 1 and self.comm.rank == 0 and not self.frames:
-            warnings.warn("this h5py is built without MPI: ranks write their fields one after the other", stacklevel=2)
-        error = None
-        for rank in range(self.comm.size):
-            if rank == self.comm.rank:
-                try:
-                    with h5py.File(part, "w" if rank == 0 else "r+") as file:
-                        if rank == 0:
-                            self._create(file, data, attributes)
-                        for key, values in data.items():
-                            rows = self._rows(key)
-                            file[key][rows.first : rows.first + rows.count] = values
-                except (OSError, RuntimeError, KeyError) as caught:
-                    error = _reason(caught)
-            self.comm.Barrier()
-        return error
-
-    def _rows(self, key):
-        return self._cells if key == "cells" else self._points
-
-    def _create(self, file, data, attributes):
-        for key, values in data.items():
-            file.create_dataset(key, shape=(self._rows(key).total,) + values.shape[1:], dtype=values.dtype)
-        for key, value in attributes.items():
-            file.attrs[key] = value
+    def _in_order(self, data):
+        """Return {key: rows} of this rank's share of the file's rows, in their order: ranks are other ones than those that wrote the points. Collective."""
+        size, total = self.comm.size, self._points.total
+        edges = total * np.arange(size + 1, dtype=np.int64) // size
+        rows, *values = send_rows(self.comm, np.searchsorted(edges, self._rows, side="right") - 1, [self._rows, *data.values()])
+        order = np.argsort(rows, kind="stable")
+        return {key: each[order] for key, each in zip(data, values)}
 
     def _write_masters(self):
         """Write fields.h5 and fields.xdmf anew; rank 0."""
@@ -144,27 +109,10 @@ class FieldWriter:
                 frames.attrs["names"] = [name for name, _, _, _ in self.frames]
                 frames.attrs["times"] = [time for _, _, time, _ in self.frames]
                 frames.attrs["steps"] = [step for _, step, _, _ in self.frames]
-            _publish(part, path)
+            publish(part, path)
         except (OSError, RuntimeError) as error:
-            raise OutputError(f"{path}: cannot be written ({_reason(error)})") from error
+            raise OutputError(f"{path}: cannot be written ({reason(error)})") from error
         write_text(self.directory / "fields.xdmf", xdmf_text(self.frames, self._points.total, self._kind, self._cells.total))
-
-
-def _write_rows(dataset, first, values):
-    """Write the rows of this rank, collectively with all others: a rank without rows selects nothing, but must take part, or the others wait for ever."""
-    from h5py import h5fd, h5p, h5s
-
-    memory = h5s.create_simple((max(1, len(values)),) + values.shape[1:])
-    target = dataset.id.get_space()
-    if len(values):
-        target.select_hyperslab((first,) + (0,) * (values.ndim - 1), values.shape)
-    else:
-        memory.select_none()
-        target.select_none()
-        values = np.zeros((1,) + values.shape[1:], values.dtype)
-    transfer = h5p.create(h5p.DATASET_XFER)
-    transfer.set_dxpl_mpio(h5fd.MPIO_COLLECTIVE)
-    dataset.id.write(memory, target, values, dxpl=transfer)
 
 
 def _wide(values):
@@ -178,16 +126,6 @@ def _wide(values):
     return wide.reshape(len(values), 3 ** (values.ndim - 1))
 
 
-def _parallel_h5py():
-    import h5py
-
-    return h5py.get_config().mpi
-
-
-def _reason(error):
-    return getattr(error, "strerror", None) or str(error).splitlines()[0]
-
-
 def _make_folder(path):
     try:
         path.mkdir(parents=True, exist_ok=True)
@@ -195,23 +133,35 @@ def _make_folder(path):
         raise OutputError(f"{path}: cannot be created ({error.strerror})") from error
 
 
-def _touch(path):
-    """Try to create a file with plain system calls first: their errors say more than those of parallel HDF5."""
+def _kept_frames(directory, step):
+    """Return ([frame] up to a step as FieldWriter lists them, (points, cells), kind of the cells), and remove the later ones; rank 0."""
+    import h5py
+
     try:
-        with open(path, "wb"):
-            pass
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written ({error.strerror})") from error
+        with h5py.File(directory / "fields" / "points.h5", "r") as file:
+            sizes = len(file["id"]), len(file["cells"]) if "cells" in file else 0
+            kind = file.attrs["cell_kind"]
+        frames = []
+        for name, at, time in frame_times(directory):
+            path = directory / "fields" / f"frame_{name}.h5"
+            if at > step:
+                path.unlink(missing_ok=True)
+                continue
+            with h5py.File(path, "r") as file:
+                frames.append((name, at, time, {key: dataset.shape[1:] for key, dataset in file.items()}))
+    except (OSError, RuntimeError, KeyError) as error:
+        raise OutputError(f"{directory}: its fields cannot be continued ({reason(error)})") from error
+    return frames, sizes, (kind.decode() if isinstance(kind, bytes) else kind) or None
 
 
-def _publish(part, path):
-    """Give a complete file its name."""
+def _read_ids(directory, first, last):
+    import h5py
+
     try:
-        with open(part, "rb") as file:
-            os.fsync(file.fileno())
-        os.replace(part, path)
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written ({error.strerror})") from error
+        with h5py.File(directory / "fields" / "points.h5", "r") as file:
+            return file["id"][first:last]
+    except (OSError, RuntimeError, KeyError) as error:
+        raise OutputError(f"{directory}: its fields cannot be continued ({reason(error)})") from error
 
 
 def read_points(directory):

@@ -1,11 +1,12 @@
 """history.csv: one row per time, one column per quantity, units in the header."""
 import csv
+import io
 import math
 from pathlib import Path
 
 import numpy as np
 
-from pdhpc.output.record import OutputError
+from pdhpc.output.record import OutputError, write_text
 from pdhpc.parallel.comm import on_root
 
 
@@ -13,9 +14,36 @@ class History:
     """Appends rows to history.csv, each as one line handed to the system at once; rank 0 writes."""
 
     def __init__(self, path, columns, comm):
-        """columns: names with units, such as "time [s]". Collective."""
+        """columns: names with units, such as "time [s]". Local: the file is made by `begin` or taken up by `resume`."""
         self.path, self.columns, self.comm = Path(path), list(columns), comm
-        on_root(comm, self._write, "w", self.columns)
+
+    def begin(self):
+        """Write the header, and nothing else. Collective."""
+        on_root(self.comm, self._write, "w", self.columns)
+
+    def resume(self, step):
+        """Keep the rows up to a step; return the last one, or -1. Collective.
+
+        Raises
+        ------
+        OutputError: the file cannot be read, or has other columns.
+        """
+        return on_root(self.comm, self._keep, step)
+
+    def _keep(self, step):
+        try:
+            with open(self.path, newline="", encoding="utf-8") as file:
+                rows = list(csv.reader(file.read().split("\n")[:-1]))
+        except (OSError, UnicodeDecodeError) as error:
+            raise OutputError(f"{self.path}: cannot be continued ({getattr(error, 'strerror', None) or error})") from error
+        if not rows or rows[0] != self.columns:
+            raise OutputError(f"{self.path}: cannot be continued: its columns are not those of this run")
+        number = self.columns.index("step")
+        kept = [row for row in rows[1:] if len(row) == len(self.columns) and int(row[number]) <= step]
+        text = io.StringIO()
+        csv.writer(text, lineterminator="\n").writerows([self.columns, *kept])
+        write_text(self.path, text.getvalue())
+        return int(kept[-1][number]) if kept else -1
 
     def append(self, row):
         """Append {column: value}; numbers keep every digit. Collective."""

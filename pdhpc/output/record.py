@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 OWN_FILES = ("run.json", "history.csv", "fields.h5", "fields.xdmf", "enrichment.h5")
-OWN_FOLDERS = ("fields",)
+OWN_FOLDERS = ("fields", "checkpoint")
 PICTURES = "*.png"
 
 
@@ -83,19 +83,20 @@ def write_text(path, text):
 
 
 def write_json(path, data):
-    """Replace a JSON file in one step; NaN becomes null, infinities the texts "inf" and "-inf", numpy values plain ones."""
-    write_text(path, json.dumps(_plain(data), indent=2, allow_nan=False) + "\n")
+    """Replace a JSON file in one step, see `plain`."""
+    write_text(path, json.dumps(plain(data), indent=2, allow_nan=False) + "\n")
 
 
-def _plain(value):
+def plain(value):
+    """Return a value as JSON can hold it: numpy values plain ones, NaN null, infinities the texts "inf" and "-inf"."""
     if isinstance(value, dict):
-        return {str(key): _plain(each) for key, each in value.items()}
+        return {str(key): plain(each) for key, each in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_plain(each) for each in value]
+        return [plain(each) for each in value]
     if isinstance(value, np.ndarray):
-        return _plain(value.tolist())
+        return plain(value.tolist())
     if isinstance(value, np.generic):
-        return _plain(value.item())
+        return plain(value.item())
     if isinstance(value, Path):
         return str(value)
     if isinstance(value, float) and not math.isfinite(value):

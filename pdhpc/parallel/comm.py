@@ -76,6 +76,15 @@ def largest(comm, value):
     return comm.allreduce(value, op=_op("MAX"))
 
 
+def most_of_each(comm, numbers):
+    """Return [the largest of the ranks' values] of each of some whole numbers. Collective, one message."""
+    from mpi4py import MPI
+
+    most = np.array(numbers, np.int64)
+    comm.Allreduce(MPI.IN_PLACE, most, MPI.MAX)
+    return most.tolist()
+
+
 def join_marks(comm, marks):
     """Set in `marks`, a uint8 array of the same shape on every rank, what any rank set. Collective."""
     from mpi4py import MPI

@@ -70,3 +70,30 @@ def _row_type(array):
     from mpi4py import MPI
 
     return MPI.BYTE.Create_contiguous(int(array.dtype.itemsize * np.prod(array.shape[1:], dtype=np.int64))).Commit()
+
+
+def fetch_rows(comm, ids, arrays, wanted):
+    """Return arrays of the rows that belong to the ids `wanted`, wherever they are. Collective.
+
+    Every id has a home, rank id mod size, that rows pass through: a rank holds its share of them three times while they travel.
+
+    Parameters
+    ----------
+    ids : (n,) int64, of the rows here, each id once over all ranks. arrays : of n rows each, of the same kinds on every rank. wanted : (m,) int64.
+
+    Raises
+    ------
+    KeyError: on every rank, when an id is nowhere; its number.
+    """
+    held, *rows = send_rows(comm, ids % comm.size, [ids, *arrays])
+    order = np.argsort(held, kind="stable")
+    held = held[order]
+    asked, origin = send_rows(comm, wanted % comm.size, [wanted, np.full(len(wanted), comm.rank, np.int64)])
+    place = np.minimum(np.searchsorted(held, asked), max(len(held) - 1, 0))
+    lost = asked[held[place] != asked] if len(held) else asked
+    missing = [each for each in comm.allgather(int(lost[0]) if len(lost) else None) if each is not None]
+    if missing:
+        raise KeyError(missing[0])
+    answers = send_rows(comm, origin, [asked, *(each[order[place]] for each in rows)])
+    back = np.argsort(answers[0], kind="stable")[np.argsort(np.argsort(wanted, kind="stable"), kind="stable")]
+    return [each[back] for each in answers[1:]]

@@ -50,6 +50,32 @@ class Bonds:
         self.count(counts)
         return counts
 
+    def states(self):
+        """Return (n_owned, width) uint8 or uint64: the states of each particle's bonds, a bit each, in ascending id of the neighbours. A copy.
+
+        width : as wide as the largest family here needs; rows of other ranks may be narrower.
+        """
+        alive = self.arrays.alive
+        if alive.ndim == 2:
+            return alive.T[self.slots]
+        first, count = self._bytes()
+        result = np.zeros((len(first), count.max(initial=0)), np.uint8)
+        bond_states.spread_bytes(alive, first, count, result)
+        return result
+
+    def set_states(self, rows):
+        """Take states as `states` returned them, by rows that may be wider."""
+        alive = self.arrays.alive
+        if alive.ndim == 2:
+            alive.T[self.slots] = rows[:, : len(alive)]
+            return
+        bond_states.collect_bytes(np.ascontiguousarray(rows), *self._bytes(), alive)
+
+    def _bytes(self):
+        """Return (first, number) of the bytes that hold the states of each particle's bonds, (n_owned,) int64."""
+        start = self.arrays.row_start.astype(np.int64) >> 3
+        return start[:-1], np.diff(start)
+
     def damage(self):
         """Return (n_owned,) damage grown since the start: 1 - intact / initially intact; 0 for particles that had no bond."""
         return 1.0 - self.alive() / np.maximum(self.initial_size, 1) - (self.initial_size == 0)

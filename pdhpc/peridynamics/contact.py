@@ -7,6 +7,7 @@ from pdhpc.kernels import contact as kernels
 from pdhpc.kernels.contact import Crowd, MetPoints, Pairs
 from pdhpc.kernels.neighbours import cell_list
 from pdhpc.peridynamics.watch import Watch
+from pdhpc.state import Entry
 
 
 class Contact:
@@ -111,14 +112,16 @@ class Contact:
         return found
 
     def state(self):
-        """Return {key: (getter, setter)}: losses, and the last forces of friction and damping, N, which velocities of a half step that is gone decided.
+        """Return {key: Entry}: losses, and the last forces of friction and damping, N, which velocities of a half step that is gone decided.
 
         Once they are set, pairs are found anew, and the next forces take friction and damping as given.
         """
-        state = {"contact/loss": (lambda: self.loss, self._resume_loss)}
+        particles = self.subdomain.particles
+        ids = particles.id[: particles.n_owned]
+        entries = {"contact/loss": Entry(lambda: self.loss, self._resume_loss, ids)}
         if self.resists:
-            state["contact/inelastic"] = (lambda: self.subdomain.particles.owned(self.inelastic), self._resume_inelastic)
-        return state
+            entries["contact/inelastic"] = Entry(lambda: particles.owned(self.inelastic), self._resume_inelastic, ids)
+        return entries
 
     def _resume_loss(self, value):
         np.copyto(self.loss, value)

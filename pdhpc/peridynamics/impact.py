@@ -1,6 +1,7 @@
 """A rigid impactor against the particles of one rank: which are near, what it does to them, and what that does to it."""
 import numpy as np
 
+from pdhpc import state
 from pdhpc.kernels import impact as kernels
 from pdhpc.kernels.impact import Rigid, Struck
 from pdhpc.peridynamics.watch import Watch
@@ -87,15 +88,15 @@ class Impact:
         return found
 
     def state(self):
-        """Return {key: (getter, setter)}: the impactor, the accounts, and the last forces of friction, N, which velocities of a half step that is gone decided.
+        """Return {key: Entry}: the impactor, the accounts, and the last forces of friction, N, which velocities of a half step that is gone decided.
 
         Once they are set, near particles are found anew, and the next forces take friction as given.
         """
-        accounts, name = {key: getattr(self, key) for key in ("loss", "work")}, self.impactor.name
-        state = {f"impactor/{name}/{key}": (lambda a=a: a, lambda value, a=a: np.copyto(a, value)) for key, a in accounts.items()}
-        state[f"impactor/{name}/inelastic"] = (self._friction, self._resume)
-        state.update(self.impactor.state())
-        return state
+        particles, name = self.subdomain.particles, self.impactor.name
+        ids = particles.id[: particles.n_owned]
+        entries = {f"impactor/{name}/{key}": state.rows(getattr(self, key), ids) for key in ("loss", "work")}
+        entries[f"impactor/{name}/inelastic"] = state.Entry(self._friction, self._resume, ids)
+        return {**entries, **self.impactor.state()}
 
     def _friction(self):
         """Return (n_owned, dim), N."""

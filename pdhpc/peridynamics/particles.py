@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pdhpc.kernels import motion
+from pdhpc.state import Entry
 
 
 class _Slotted:
@@ -40,6 +41,16 @@ class _Slotted:
     def put(self, field, values):
         """Store values (n_owned, ...) of owned particles, in ascending id, in a field by slot."""
         field[self.slots] = values
+
+    def ids_at(self, slots):
+        """Return (n,) int64, the global ids of owned particles by slot."""
+        by_slot = np.full(len(self.position), -1, np.int64)
+        by_slot[self.slots] = self.id[: self.n_owned]
+        return by_slot[slots]
+
+    def entry(self, field):
+        """Return the Entry of a field by slot: its owned rows."""
+        return Entry(lambda: self.owned(field), lambda values: self.put(field, values), self.id[: self.n_owned])
 
 
 @dataclass

@@ -7,6 +7,7 @@ from pdhpc.kernels.motion import kinetic_energies
 from pdhpc.peridynamics.fields import strain_energy_density
 from pdhpc.peridynamics.internal_forces import InternalForces
 from pdhpc.peridynamics.view import View
+from pdhpc.state import SUM, Entry, number
 
 
 class VelocityVerlet:
@@ -120,15 +121,35 @@ class VelocityVerlet:
             self.reaction.add_to(self.subdomain.particles.force_density)
 
     def state(self):
-        """Return {key: (getter, setter)} of everything a continued run needs, arrays of owned particles in ascending id."""
-        arrays = self.subdomain.bonds.arrays
-        state = {name: self.rows_of(name) for name in ("displacement", "velocity", "dissipated")}
-        state["alive"] = (lambda: arrays.alive, lambda value: np.copyto(arrays.alive, value))
-        if hasattr(self.law.failure, "energy"):  # bonds that broke had a part in the state that the forces are of
-            state["force_density"] = self.rows_of("force_density")
-        state["step"] = (lambda: self.step, lambda value: setattr(self, "step", int(value)))
-        state.update(self.conditions.state())
-        return state
+        """Return {key: Entry} of everything a continued run needs; after the last is set, `resume`."""
+        particles = self.subdomain.particles
+        entries = {name: particles.entry(getattr(particles, name)) for name in ("displacement", "velocity", "dissipated")}
+        entries["bonds"] = Entry(self.subdomain.bonds.states, self.subdomain.bonds.set_states, particles.id[: particles.n_owned])
+        if self._keeps_forces:
+            entries["force_density"] = particles.entry(particles.force_density)
+        entries.update(step=number(self, "step", int), bond_evaluations=number(self.internal, "bond_evaluations", int, SUM))
+        return {**entries, **self.conditions.state()}
+
+    @property
+    def _keeps_forces(self):
+        """Whether bonds that broke had a part in the state that the forces are of."""
+        return hasattr(self.law.failure, "energy")
+
+    def resume(self, keep_forces=False):
+        """Bring everything that follows from the state up to date, after a state was put in. Collective over neighbours.
+
+        keep_forces : whether force densities were put in that do not follow from it.
+        """
+        particles, bonds, evaluated = self.subdomain.particles, self.subdomain.bonds, self.internal.bond_evaluations
+        kept = particles.owned(particles.force_density).copy(), particles.owned(particles.dissipated).copy(), bonds.states()
+        particles.place()
+        self.internal.evaluate()
+        self._add_loads()
+        if keep_forces or self._keeps_forces:  # and bonds that are about to break do so where the run goes on
+            particles.put(particles.force_density, kept[0])
+        particles.put(particles.dissipated, kept[1])
+        bonds.set_states(kept[2])
+        self.internal.broken, self.internal.bond_evaluations = int((bonds.initial_size - bonds.alive()).sum()), evaluated
 
     def acceleration(self):
         """Return (n_owned, dim) m/s^2, of the forces at hand; 0 where a motion is prescribed. Local."""
@@ -139,11 +160,6 @@ class VelocityVerlet:
             by_slot[motion.indices] = True
             acceleration[np.ix_(by_slot[particles.slots], motion.components)] = 0.0
         return acceleration
-
-    def rows_of(self, name):
-        """Return (getter, setter) of the owned rows of a field of the particles."""
-        particles = self.subdomain.particles
-        return lambda: particles.owned(getattr(particles, name)), lambda value: particles.put(getattr(particles, name), value)
 
     def ledger(self):
         """Return {name: (n,) J} of this rank's contributions to the energies; sums over all ranks are the body's. Local."""

@@ -4,6 +4,9 @@ from pdhpc.observers.energies import OF_INTERACTIONS, Energies
 from pdhpc.observers.fragments import Fragments
 from pdhpc.observers.impactors import ImpactorGauge
 from pdhpc.observers.probes import Probe, nearest_point
+from pdhpc.parallel.comm import exact_sum
+
+_STRAIN = 1e-10
 
 
 def make_gauges(problem, view, comm):
@@ -22,7 +25,13 @@ def make_gauges(problem, view, comm):
         tips.append(CrackTip(comm, tip, members, view, problem.dt))
     probes += [ImpactorGauge(comm, table.name, scene.dim) for table in scene.impactor]
     held = OF_INTERACTIONS if scene.impactor else OF_INTERACTIONS[:2] if scene.contact is not None else ()
-    return Energies(comm, held), probes, tips
+    return Energies(comm, held, _rounding(scene, view, comm)), probes, tips
+
+
+def _rounding(scene, view, comm):
+    """Return E V (1e-10)^2/2, J, of the stiffest material: the energy of strains that are the rounding of positions. Collective."""
+    moduli = [each.youngs_modulus or 9 * each.bulk_modulus * each.shear_modulus / (3 * each.bulk_modulus + each.shear_modulus) for each in scene.material]
+    return 0.5 * _STRAIN**2 * max(moduli) * exact_sum(comm, view.volume)
 
 
 def make_fragments(problem, comm):

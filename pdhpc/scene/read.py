@@ -51,7 +51,11 @@ def parse_scene(text, name, overrides=()):
     ------
     SceneError: as read_scene; it names the overrides that it comes from.
     """
-    data = _tables(text, printable(name))
+    return changed_scene(_tables(text, printable(name)), name, overrides)
+
+
+def changed_scene(data, name, overrides):
+    """Return the Scene of a dict of tables with `overrides` applied; see parse_scene."""
     changed, paths = copy.deepcopy(data), {}
     for override in overrides:
         paths[override] = changes.apply(changed, override)

@@ -127,6 +127,14 @@ class Output(Table):
     pictures: Flag = key("draw pictures at the end", default=True)
 
 
+class Checkpoint(Table):
+    """When the state of a run is saved, for pdhpc restart, beside the signals SIGUSR1 (save), SIGTERM and SIGINT (save and stop)."""
+
+    steps: Optional[Whole] = key("save every so many steps", "1", default=None)
+    minutes: Optional[Positive] = key("save when so much wall time has passed", "min", default=None)
+    at_end: Flag = key("save the state of the end, so that a later end can be set", default=True)
+
+
 class Probe(Table):
     """A quantity written to history.csv: at the particle nearest to a point, or over a region."""
 
@@ -196,6 +204,7 @@ class Scene(Table):
     time: TimeSpan = key("time integration")
     static: Optional[Static] = key("load steps of bodies that stand still", default=None)
     output: Output = key("output", default=Output())
+    checkpoint: Optional[Checkpoint] = key("when the state is saved; without this table on signals alone", default=None)
     probe: Annotated[List[Probe], Listed] = key("probes", default=[])
     curve: Annotated[List[Curve], Listed] = key("curves drawn from probes", default=[])
     tip: Annotated[List[Tip], Listed] = key("crack tips to follow", default=[])
@@ -296,6 +305,10 @@ class Scene(Table):
     def error(self, where, found, allowed):
         """Return the SceneError that says what was found at the key `where` and what is allowed."""
         return SceneError(f"{self._source}: {where} = {found if isinstance(found, str) else show(found)}; allowed is {allowed}", where)
+
+    def given(self):
+        """Return the scene as a dict of plain values as it was given, without defaults; read.scene_from_dict makes the same scene of it."""
+        return self.model_dump(mode="json", exclude_unset=True)
 
     def resolved(self):
         """Return the scene as a dict of plain values with every default filled in that has a value; read.scene_from_dict takes it back."""

@@ -151,9 +151,9 @@ def test_a_stored_state_goes_on(comm, name, scheme):
     stepper = made(comm, SCENES[name], scheme)
     for _ in range(30):
         stepper.advance()
-    saved = {key: np.copy(get()) for key, (get, _) in stepper.state().items()}
+    saved = {key: np.copy(get()) for key, (get, *_) in stepper.state().items()}
     again = made(comm, SCENES[name], scheme)
-    for key, (_, put) in again.state().items():
+    for key, (_, put, *_) in again.state().items():
         put(saved[key])
     again.resume()
     for each in (stepper, again):

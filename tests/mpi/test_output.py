@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pdhpc.output import fields
+from pdhpc.output import rows_file
 from pdhpc.output.fields import FieldWriter, read_frame, read_points
 from pdhpc.output.record import OutputError
 
@@ -42,7 +42,7 @@ def test_every_rank_writes_its_rows(comm, folder):
 @pytest.mark.mpi(min_size=2)
 @pytest.mark.filterwarnings("ignore:this h5py is built without MPI")
 def test_without_parallel_hdf5_ranks_write_in_turn(comm, folder, monkeypatch):
-    monkeypatch.setattr(fields, "_parallel_h5py", lambda: False)
+    monkeypatch.setattr(rows_file, "_parallel_h5py", lambda: False)
     write(comm, folder)
 
 

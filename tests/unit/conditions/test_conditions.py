@@ -48,10 +48,10 @@ def test_state_holds_the_accounts():
     problem = problem_of(plate((10, 4), extra=PUSH.format(function="constant", more="")))
     stepper = problem.stepper()
     stepper.advance()
-    saved = {key: np.copy(get()) for key, (get, put) in problem.conditions.state().items()}
+    saved = {key: np.copy(get()) for key, (get, put, *_) in problem.conditions.state().items()}
     assert {"work/0", "work/1", "initial_kinetic/0"} == set(saved)
     stepper.advance()
-    for key, (get, put) in problem.conditions.state().items():
+    for key, (get, put, *_) in problem.conditions.state().items():
         put(saved[key])
         assert np.array_equal(get(), saved[key])
 

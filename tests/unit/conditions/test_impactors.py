@@ -41,7 +41,7 @@ def test_state_goes_over_to_another():
     one, other = (Impactor("ball", BALL, [0.0, 0.0], [1.0, 0.5], Constant(), 4.0, [0.0, 1.0]) for _ in range(2))
     one.force[:] = [0.3, 0.4]
     one.move(0.1)
-    for (getter, _), (_, setter) in zip(one.state().values(), other.state().values()):
+    for (getter, *_), (_, setter, *_) in zip(one.state().values(), other.state().values()):
         setter(getter())
     assert np.array_equal(one.position, other.position) and np.array_equal(one.force, other.force) and other.gravity_work == one.gravity_work != 0.0
     assert other.time == 0.1 and list(one.state())[0] == "impactor/ball/position"

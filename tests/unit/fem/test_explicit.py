@@ -44,11 +44,11 @@ def test_state_continues_a_run_bit_for_bit(comm, path):
     _, stepper = problem(comm, path)
     for _ in range(20):
         stepper.advance()
-    saved = {key: np.copy(get()) for key, (get, put) in stepper.state().items()}
+    saved = {key: np.copy(get()) for key, (get, put, *_) in stepper.state().items()}
     for _ in range(20):
         stepper.advance()
     _, again = problem(comm, path)
-    for key, (get, put) in again.state().items():
+    for key, (get, put, *_) in again.state().items():
         put(saved[key])
     again.resume()
     for _ in range(20):

@@ -47,7 +47,7 @@ def test_state_continues_a_run(comm):
     stepper, again = shaken(comm), shaken(comm)
     for _ in range(5):
         stepper.advance()
-    for key, (get, put) in again.state().items():
+    for key, (get, put, *_) in again.state().items():
         put(stepper.state()[key][0]())
     for each in (stepper, again):
         for _ in range(5):

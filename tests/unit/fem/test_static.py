@@ -40,7 +40,7 @@ def test_a_bar_is_stretched_by_its_stress_over_its_modulus(comm, basis):
 def test_state_continues(comm):
     problem, again = pulled(comm), pulled(comm)
     problem.advance()
-    for key, (get, put) in again.state().items():
+    for key, (get, put, *_) in again.state().items():
         put(problem.state()[key][0]())
     for each in (problem, again):
         each.advance()

@@ -61,7 +61,7 @@ def test_loads_outside_act_and_work(coupled_body):
     solution.change[:] = (7.0, 0.3)
     solution.account(1.0, 0.5)
     assert solution.external_work().sum() == pytest.approx(-0.3 * 2.0 * 16.0 * (~patches.enriched).sum())
-    getter, setter = solution.work_state()["work/mesh_loads"]
+    getter, setter, _ = solution.work_state()["work/mesh_loads"]
     kept = getter().copy()
     solution.account(1.0, 0.5)
     setter(kept)

@@ -13,13 +13,13 @@ def test_a_run_continues_from_its_state(interface):
     stepper = problem.stepper()
     for _ in range(10):
         stepper.advance()
-    saved = {key: np.copy(get()) for key, (get, put) in stepper.state().items()}
+    saved = {key: np.copy(get()) for key, (get, put, *_) in stepper.state().items()}
     assert {"step", "multiplier/coarse", "multiplier/fine", "coarse/displacement", "fine/alive", "fine/force_density"} <= set(saved)
     for _ in range(10):
         stepper.advance()
     expected = stepper.view.field("displacement").copy()
     moving = stepper.view.field("velocity").copy()
-    for key, (get, put) in stepper.state().items():
+    for key, (get, put, *_) in stepper.state().items():
         put(saved[key])
     assert stepper.step == 10 and ("kick/offset" in saved) == (interface == "kick")
     for _ in range(10):

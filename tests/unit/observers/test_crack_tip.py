@@ -27,7 +27,7 @@ def test_position_and_speed_of_a_crack_that_runs_at_a_known_speed(path, comm, lo
         tip.observe(stepper)
     assert tip.position == (-4.5, 0.0)
     assert tip.speed == pytest.approx(0.5) and tip.largest_speed == pytest.approx(0.5)
-    (get, _), other = tip.state()["tip/tip"], CrackTip(comm, settings, members, view, dt=1.0)
+    (get, *_), other = tip.state()["tip/tip"], CrackTip(comm, settings, members, view, dt=1.0)
     other.state()["tip/tip"][1](get())
     assert other.read(stepper) == tip.read(stepper) and other.record() == tip.record()
     assert tip.path_direction() == pytest.approx([1.0, 0.0])

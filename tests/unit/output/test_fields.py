@@ -8,7 +8,7 @@ import h5py
 import numpy as np
 import pytest
 
-from pdhpc.output import fields
+from pdhpc.output import rows_file
 from pdhpc.output.fields import Cells, FieldWriter, frame_times, read_frame, read_points
 from pdhpc.output.record import OutputError
 
@@ -73,7 +73,7 @@ def test_an_unfinished_frame_is_not_seen(tmp_path, comm, monkeypatch):
     def killed(part, path):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(fields, "_publish", killed)
+    monkeypatch.setattr(rows_file, "publish", killed)
     with pytest.raises(KeyboardInterrupt):
         writer.write_frame(2, 0.2, {"damage": np.ones(2)})
     assert [step for _, step, _ in frame_times(tmp_path)] == [1] and read_frame(tmp_path)[2]["damage"].tolist() == [0.0, 0.0]

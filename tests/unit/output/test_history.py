@@ -7,6 +7,7 @@ from pdhpc.output.record import OutputError
 
 def test_round_trip_keeps_every_digit(tmp_path, comm):
     history = History(tmp_path / "h.csv", ["time [s]", "step", "a, b [m]"], comm)
+    history.begin()
     rows = [(0.1, 1, 1 / 3), (0.2, 2, float("nan")), (np.float64(0.3), np.int64(3), float("inf"))]
     for row in rows:
         history.append(dict(zip(history.columns, row)))
@@ -18,6 +19,7 @@ def test_round_trip_keeps_every_digit(tmp_path, comm):
 
 def test_a_torn_last_line_is_left_out(tmp_path, comm):
     history = History(tmp_path / "h.csv", ["a", "b"], comm)
+    history.begin()
     history.append({"a": 1.0, "b": 2.0})
     with open(tmp_path / "h.csv", "a") as file:
         file.write("3.0,4")
@@ -26,4 +28,22 @@ def test_a_torn_last_line_is_left_out(tmp_path, comm):
 
 def test_a_folder_that_is_gone(tmp_path, comm):
     with pytest.raises(OutputError, match="cannot be written"):
-        History(tmp_path / "nowhere" / "h.csv", ["a"], comm)
+        History(tmp_path / "nowhere" / "h.csv", ["a"], comm).begin()
+
+
+def test_a_continued_history_keeps_the_rows_up_to_its_step(tmp_path, comm):
+    history = History(tmp_path / "h.csv", ["step", "a, b [m]"], comm)
+    history.begin()
+    for step in (0, 5, 10):
+        history.append({"step": step, "a, b [m]": step / 3})
+    with open(tmp_path / "h.csv", "a") as file:
+        file.write("15,")
+    again = History(tmp_path / "h.csv", ["step", "a, b [m]"], comm)
+    assert again.resume(7) == 5
+    again.append({"step": 8, "a, b [m]": 8 / 3})
+    assert read_history(tmp_path / "h.csv")["a, b [m]"].tolist() == [0.0, 5 / 3, 8 / 3]
+    assert again.resume(4) == 0 and History(tmp_path / "h.csv", ["step", "a, b [m]"], comm).resume(-1) == -1
+    with pytest.raises(OutputError, match="its columns are not those of this run"):
+        History(tmp_path / "h.csv", ["step"], comm).resume(4)
+    with pytest.raises(OutputError, match="cannot be continued"):
+        History(tmp_path / "other.csv", ["step"], comm).resume(4)

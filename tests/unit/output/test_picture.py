@@ -15,6 +15,7 @@ def run_folder(folder, comm, dim):
     damage = (np.abs(x[:, 1] - 4e-3) < 1e-3) * 0.5
     writer.write_frame(3, 1e-6, {"damage": damage, "displacement": 1e-3 * x, "precrack": damage * (x[:, 0] < 5e-3)})
     history = History(folder / "history.csv", ["time [s]", "step", "kinetic_energy [J]", "tip.x [m]", "tip.speed [m/s]", "g.u [m]", "g.f [N]"], comm)
+    history.begin()
     for number in range(4):
         history.append(dict(zip(history.columns, [number * 1e-6, number, 2.0 * number, 0.01 * number, 100.0, number, number**2])))
     return x, damage

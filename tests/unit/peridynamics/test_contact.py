@@ -143,7 +143,7 @@ def test_a_run_goes_on_from_its_state_to_the_last_bit(path, model):
     one, other = make(), make()
     for _ in range(30):
         one.advance()
-    for key, (getter, _) in one.state().items():
+    for key, (getter, *_) in one.state().items():
         value = getter()
         other.state()[key][1](np.array(value) if isinstance(value, np.ndarray) else value)
     other.subdomain.particles.place()

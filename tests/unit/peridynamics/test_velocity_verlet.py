@@ -35,12 +35,12 @@ def test_state_continues_a_run_bit_for_bit(path, overrides):
     stepper = problem.stepper()
     for _ in range(20):
         stepper.advance()
-    saved = {key: np.copy(get()) for key, (get, put) in stepper.state().items()}
+    saved = {key: np.copy(get()) for key, (get, put, *_) in stepper.state().items()}
     for _ in range(20):
         stepper.advance()
     assert stepper.broken > 0
     other = shaken(path, overrides)
-    for key, (get, put) in other.stepper().state().items():
+    for key, (get, put, *_) in other.stepper().state().items():
         put(saved[key])
     again = other.stepper()
     again.step = int(saved["step"])

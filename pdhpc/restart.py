@@ -1,0 +1,91 @@
+"""Going on with a run: which checkpoints there are, what scene they are of, and a problem set to the state of one."""
+import math
+from typing import NamedTuple
+
+from pdhpc.output.checkpoint import Damaged, generations, read_header, restore
+from pdhpc.output.record import OutputError
+from pdhpc.scene.read import changed_scene
+from pdhpc.scene.schema import SceneError
+
+_SAME = 1e-12  # relative: how closely a step found anew is that of the run
+
+
+class Saved(NamedTuple):
+    """A checkpoint: its path, its header, and a warning about newer ones that cannot be read, or None."""
+
+    path: object
+    header: dict
+    warning: str
+
+
+def find(directory):
+    """Return [Saved], the newest first, of a run's checkpoints whose headers can be read. Local.
+
+    Raises
+    ------
+    OutputError: there is none; exit_code 2.
+    """
+    found, damage = [], []
+    for path in generations(directory):
+        try:
+            found.append(Saved(path, read_header(path), "; ".join(damage) or None))
+        except Damaged as error:
+            damage.append(str(error))
+    if not found:
+        error = OutputError(f"{directory}: {'; '.join(damage) or 'no checkpoint found'}; allowed is the folder of a run that saved its state")
+        error.exit_code = 2
+        raise error
+    return found
+
+
+def scene_of(saved, directory, overrides):
+    """Return the Scene of a run, with what may change changed. Local.
+
+    Raises
+    ------
+    SceneError: an override of another key than time.end and those of output and checkpoint.
+    """
+    for override in overrides:
+        word = override.partition("=")[0].strip()
+        if word != "time.end" and word.split(".")[0] not in ("output", "checkpoint"):
+            raise SceneError(f"pdhpc restart {directory}: --set {override}; allowed is time.end, and keys of output and checkpoint: the rest of a scene stays as the run began")
+    data = dict(saved.header["scene"])
+    if any(override.partition("=")[0].strip() == "time.end" for override in overrides):
+        data["time"] = {**data["time"], "dt": saved.header["dt"]}  # "auto" is of whole steps to the former end
+    if any(override.partition("=")[0].strip().startswith("checkpoint") for override in overrides):
+        data.setdefault("checkpoint", {})
+    scene = changed_scene(data, saved.header["scene_file"], overrides)
+    if scene.stands_still and scene.time.end != saved.header["scene"]["time"]["end"]:
+        raise SceneError(f"pdhpc restart {directory}: time.end = {scene.time.end:g}; allowed is {saved.header['scene']['time']['end']:g}: the load path of a body that stands still is fixed")
+    return scene
+
+
+def go_on(comm, saved, problem, entries):
+    """Set a problem's steps and a run's entries to the newest of the checkpoints that can be read; return warnings. Collective.
+
+    Raises
+    ------
+    OutputError: on every rank.
+    """
+    warnings, damage = [], None
+    for each in saved:
+        _check_step(each, problem)
+        try:
+            restore(comm, each.path, each.header, entries)
+        except Damaged as error:
+            damage = str(error)
+            continue
+        warnings += [words for words in (each.warning, damage) if words]
+        return [f"{'; '.join(warnings)}: the run goes on from step {each.header['step']}"] if warnings else []
+    raise OutputError(damage)
+
+
+def _check_step(saved, problem):
+    """Raise an OutputError unless a problem has the step of a checkpoint, and an end behind it."""
+    dt, step = saved.header["dt"], saved.header["step"]
+    if not math.isclose(dt, problem.dt, rel_tol=_SAME):
+        raise OutputError(f"{saved.path}: was written with a step of {dt:.12g} s, where this scene has {problem.dt:.12g} s: it belongs to another scene or version")
+    if step > problem.n_steps:
+        error = OutputError(f"{saved.path}: is of step {step}, t = {step * dt:.6g} s; allowed is a time.end of at least that")
+        error.exit_code = 2
+        raise error

@@ -1,0 +1,27 @@
+import h5py
+import numpy as np
+import pytest
+
+from pdhpc.output import rows_file
+from pdhpc.output.record import OutputError
+from pdhpc.output.rows_file import Rows, write_file
+
+
+def test_rows_of_one_rank(comm):
+    assert Rows.of(comm, [3, 0]) == [Rows(0, 3, 3), Rows(0, 0, 0)]
+
+
+def test_a_file_is_complete_or_not_there(tmp_path, comm, monkeypatch):
+    path = tmp_path / "a.h5"
+    write_file(comm, path, {"x": np.arange(6.0).reshape(3, 2), "group/none": np.empty((0, 4), np.uint8)}, {"step": 3})
+    with h5py.File(path) as file:
+        assert file["x"][:].tolist() == [[0, 1], [2, 3], [4, 5]] and file["group/none"].shape == (0, 4) and file.attrs["step"] == 3
+    monkeypatch.setattr(rows_file, "publish", lambda part, path: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        write_file(comm, tmp_path / "b.h5", {"x": np.zeros(1)}, {})
+    assert not (tmp_path / "b.h5").exists()
+
+
+def test_what_the_system_says_is_said(tmp_path, comm):
+    with pytest.raises(OutputError, match=r"nowhere/a.h5: cannot be written \(.*No such file or directory.*\)"):
+        write_file(comm, tmp_path / "nowhere" / "a.h5", {"x": np.zeros(1)}, {})

@@ -1,0 +1,99 @@
+"""Going on in the same process: every digit as if the run had not been stopped. On several ranks: tests/mpi/test_restart.py."""
+import json
+
+import numpy as np
+import pytest
+
+from pdhpc.output.checkpoint import generations
+from pdhpc.output.fields import frame_times, read_frame
+from pdhpc.output.record import OutputError
+from pdhpc.restart import find, scene_of
+from pdhpc.scene.read import parse_scene
+from pdhpc.scene.schema import SceneError
+from pdhpc.simulation import Simulation
+from pdhpc.study.verify.case import plate
+from pdhpc.study.verify.fracture import GROWING_CRACK
+
+SHORT = ["time.end=14e-6", "output.frames=7", "tip.crack.window=2e-6"]
+
+
+def run(folder, comm, text=GROWING_CRACK, overrides=SHORT, **checkpoint):
+    words = [f"checkpoint.{key}={value}" for key, value in {"at_end": "false", **checkpoint}.items()]
+    return Simulation(parse_scene(text + "\n[checkpoint]\n", "crack", [*overrides, *words]), comm).run(folder, quiet=True)
+
+
+def resume(folder, comm, overrides=()):
+    saved = find(folder)
+    return Simulation(scene_of(saved[0], folder, overrides), comm).resume(folder, saved, quiet=True)
+
+
+def same(one, other):
+    """Compare the history and every frame of two runs, digit for digit."""
+    assert (one / "history.csv").read_text() == (other / "history.csv").read_text()
+    assert frame_times(one) == frame_times(other)
+    for frame in range(len(frame_times(one))):
+        for name, values in read_frame(one, frame)[2].items():
+            assert np.array_equal(values, read_frame(other, frame)[2][name]), (frame, name)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """The folder of a run that was not stopped."""
+    from mpi4py import MPI
+
+    folder = tmp_path_factory.mktemp("whole")
+    assert run(folder, MPI.COMM_SELF)["broken_bonds"] > 100
+    return folder
+
+
+def test_a_continued_run_is_the_uninterrupted_one(tmp_path, comm, whole):
+    run(tmp_path, comm, steps=25)
+    before = json.loads((tmp_path / "run.json").read_text())
+    steps = [int(path.stem.split("_")[1]) for path in generations(tmp_path)]
+    assert len(steps) == 2 and steps[0] < before["steps"]
+    resume(tmp_path, comm)
+    record = json.loads((tmp_path / "run.json").read_text())
+    same(whole, tmp_path)
+    for key in ("status", "steps", "energies", "broken_bonds", "tips", "bond_evaluations", "balance_error_relative"):
+        assert record[key] == before[key], key
+
+
+def test_a_later_end_can_be_set(tmp_path, comm, whole):
+    run(tmp_path, comm, overrides=["time.end=8e-6", "output.frames=4", "tip.crack.window=2e-6", "time.dt=2e-8"], at_end="true")
+    run(tmp_path / "whole", comm, overrides=[*SHORT, "time.dt=2e-8"])
+    assert resume(tmp_path, comm, ["time.end=14e-6", "output.frames=7"])["status"] == "done"
+    same(tmp_path / "whole", tmp_path)
+
+
+def test_a_damaged_newest_one_falls_back_to_the_older(tmp_path, comm, whole):
+    run(tmp_path, comm, steps=25)
+    newest, older = generations(tmp_path)
+    content = bytearray(newest.read_bytes())
+    content[len(content) // 2] ^= 4
+    newest.write_bytes(content)
+    record = resume(tmp_path, comm)
+    assert f"{newest}: damaged" in record["warnings"][0] and f"goes on from step {int(older.stem.split('_')[1])}" in record["warnings"][0]
+    same(whole, tmp_path)
+    newest.write_bytes(content[:100])
+    older.write_bytes(b"")
+    with pytest.raises(OutputError, match="damaged") as caught:
+        find(tmp_path)
+    assert caught.value.exit_code == 2
+
+
+def test_what_may_not_change_is_refused_by_name(tmp_path, comm):
+    run(tmp_path, comm, plate((4, 4)), ["output.frames=1", "time.end=8.0"], at_end="true")
+    saved = find(tmp_path)
+    for override in ("time.dt=1e-3", "material.solid.density=2", "particles.horizon=4"):
+        with pytest.raises(SceneError, match=f"--set {override}; allowed is time.end, and keys of output and checkpoint"):
+            scene_of(saved[0], tmp_path, [override])
+    assert scene_of(saved[0], tmp_path, ["output.frames=3", "checkpoint.minutes=2"]).checkpoint.minutes == 2
+    with pytest.raises(OutputError, match="allowed is a time.end of at least that") as caught:
+        resume(tmp_path, comm, [f"time.end={1.5 * saved[0].header['dt']}"])
+    assert caught.value.exit_code == 2
+
+
+def test_nothing_to_go_on_from(tmp_path, comm):
+    run(tmp_path, comm, plate((4, 4)), ["output.frames=1"])
+    with pytest.raises(OutputError, match="no checkpoint found; allowed is the folder of a run that saved its state"):
+        find(tmp_path)
