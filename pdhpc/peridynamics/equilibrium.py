@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pdhpc import state
 from pdhpc.kernels import balance
 from pdhpc.kernels import tangent as loops
 from pdhpc.parallel.linear_solver import SolverError
@@ -14,6 +15,7 @@ from pdhpc.peridynamics.tangent import stiffness_blocks, unbreakable
 from pdhpc.peridynamics.view import View
 
 _NEARLY = 0.99  # of the largest s/s0: bonds above it count as most strained too, so that mirror images break together
+_ROUGHEST = 0.01  # residual that counts as an equilibrium where rounding allows no better
 _ROUNDING = 4.0 * np.finfo(float).eps
 
 
@@ -45,14 +47,14 @@ class Equilibrium:
     Attributes
     ----------
     dt, step, time : s. residual, iterations, ksp_iterations, equilibria, broken_in_step : of the last load step (residual: at its end).
-    totals : {name: of all load steps so far}. changed : whether bonds broke since `prepare`.
+    torn : whether the last load step found no equilibrium. totals : {name: of all load steps so far}. changed : whether bonds broke since `prepare`.
     """
 
     def __init__(self, subdomain, law, conditions, bind, sums, path):
         """conditions : ParticleConditions. bind : function field -> what refreshes its ghosts. sums : Sums. path : LoadPath."""
         self.subdomain, self.law, self.conditions, self.sums, self.path = subdomain, law, conditions, sums, path
         self.view = View(subdomain, law)
-        self.dt, self.step = path.dt, 0
+        self.dt, self.step, self.torn = path.dt, 0, False
         self.whole = unbreakable(subdomain, law)
         self.internal, self._breaking = InternalForces(*self.whole, bind), InternalForces(subdomain, law, bind)
         self.seconds = self._breaking.seconds = self.internal.seconds
@@ -63,8 +65,8 @@ class Equilibrium:
         self._squares = np.empty((3, particles.n_owned))
         self._before, self._applied = np.zeros(shape), np.zeros(shape)
         self._work, self._damped, self._segment = (np.zeros(particles.n_owned) for _ in range(3))
-        self.totals, self.changed = {"iterations": 0, "ksp_iterations": 0, "equilibria": 0, "largest_residual": 0.0}, True
-        self.reference = self.residual = 0.0
+        self.totals, self.changed = {"iterations": 0, "ksp_iterations": 0, "equilibria": 0, "largest_residual": 0.0, "rounding_residual": 0.0}, True
+        self.reference = self.residual = self._out = 0.0
         self.iterations = self.ksp_iterations = self.equilibria = self.broken_in_step = 0
         particles.place()
         self.evaluate()
@@ -108,8 +110,20 @@ class Equilibrium:
 
         Raises
         ------
-        SolverError, on every rank: no equilibrium within path.iterations, or bonds that break in each of path.equilibria.
+        SolverError, on every rank: no equilibrium within path.iterations, or bonds that break in each of path.equilibria; the state is then that of this
+        load step, out of balance, and `torn` is set.
         """
+        try:
+            self._advance()
+        except SolverError:
+            self.torn = True
+            self.evaluate()
+            self.step += 1
+            raise
+        self.step += 1
+
+    def _advance(self):
+        """Find the equilibria of a load step, until no bond breaks. Collective."""
         self.iterations = self.ksp_iterations = self.equilibria = self.broken_in_step = 0
         t, after_break = (self.step + 1) * self.dt, False
         self._find_loads(t)
@@ -129,9 +143,10 @@ class Equilibrium:
                                   " this step; raise static.equilibria, or end there")
             after_break = True
         self.evaluate()
-        self.step += 1
         for name in ("iterations", "ksp_iterations", "equilibria"):
             self.totals[name] += getattr(self, name)
+        if self.residual > self.path.tolerance:
+            self.totals["rounding_residual"] = max(self.totals["rounding_residual"], self.residual)
         self.totals["largest_residual"] = max(self.totals["largest_residual"], self.residual)
 
     def prepare(self):
@@ -178,11 +193,19 @@ class Equilibrium:
         if math.isfinite(free + applied + reaction):
             self.reference = max(self.reference, math.sqrt(applied), math.sqrt(reaction))
         out = math.sqrt(free) if free >= 0.0 else math.nan
-        self.residual = 0.0 if out <= self._rounding else out / self.reference if self.reference > 0.0 else out * math.inf
+        if out <= self._rounding and self.reference <= self._rounding and applied == 0.0 and self.sums.largest(np.abs(particles.displacement).max(initial=0.0)) == 0.0:
+            self.residual = 0.0  # nothing is loaded, nothing has moved
+        else:
+            self.residual = out / self.reference if self.reference > 0.0 else math.inf if out > 0.0 else 0.0
+        self._out = out
         return out
 
+    def at_rest(self, stalled):
+        """Whether the body is in balance as well as can be: to the tolerance, or, where iterations come no closer, to the rounding of positions. Local."""
+        return self.residual <= self.path.tolerance or (stalled and self._out <= self._rounding and self.residual <= _ROUGHEST)
+
     def _rounding_force(self):
-        """Return the force, N, below which nothing counts as out of balance: of positions wrong by their rounding; 0 in linear kinematics. Collective."""
+        """Return the force, N, that may be out of balance however long one iterates: of positions wrong by their rounding; 0 in linear kinematics. Collective."""
         particles, path = self.subdomain.particles, self.path
         if particles.linear:
             return 0.0
@@ -192,6 +215,8 @@ class Equilibrium:
     def failed(self, t, iterations, why):
         """Return the SolverError of an equilibrium that was not found."""
         broke = f"; {self.broken_in_step:,} bonds broke in this step" if self.broken_in_step else ""
+        if self._out <= self._rounding:
+            why = f'forces below {self._rounding:.3g} N are the rounding of positions; particles.kinematics = "linear" is not limited by it'
         return SolverError(f"{self.where(t)} found no equilibrium: after {iterations:,} iterations forces are out of balance by {self.residual:.3g} of {self.reference:.4g} N,"
                            f" where static.tolerance = {self.path.tolerance:g}{broke}: {why}")
 
@@ -228,15 +253,27 @@ class Equilibrium:
         return self.law._replace(break_at=limit if particles.linear else (1.0 + limit) ** 2)
 
     def state(self):
-        """Return {key: (getter, setter)} of everything a continued run needs, arrays of owned particles in ascending id."""
-        particles, arrays = self.subdomain.particles, self.subdomain.bonds.arrays
-        state = {name: _rows_of(particles, getattr(particles, name)) for name in ("displacement", "dissipated")}
-        own = {"alive": arrays.alive, "work": self._work, "damped": self._damped, "before": self._before, "applied": self._applied}
-        for name, array in own.items():
-            state[name] = (lambda array=array: array, lambda value, array=array: np.copyto(array, value))
-        for name in ("step", "reference", "_energy", "_released"):
-            state[name.strip("_")] = (lambda name=name: getattr(self, name), lambda value, name=name: setattr(self, name, value))
-        return state
+        """Return {key: Entry} of everything a continued run needs; after the last is set, `resume`."""
+        particles, bonds = self.subdomain.particles, self.subdomain.bonds
+        ids = particles.id[: particles.n_owned]
+        entries = {name: particles.entry(getattr(particles, name)) for name in ("displacement", "dissipated")}
+        entries["bonds"] = state.Entry(bonds.states, bonds.set_states, ids)
+        for name in ("work", "damped", "before", "applied"):
+            entries[name] = state.rows(getattr(self, f"_{name}"), ids)
+        for name in ("energy", "released"):
+            entries[name] = state.Entry(lambda name=name: getattr(self, f"_{name}"), lambda value, name=name: setattr(self, f"_{name}", np.array(value)), ids)
+        for name, value in self.totals.items():
+            entries[f"totals/{name}"] = state.item(self.totals, name, type(value))
+        return {**entries, "step": state.number(self, "step", int), "reference": state.number(self, "reference")}
+
+    def resume(self):
+        """Bring everything that follows from the state up to date, after a state was put in. Collective."""
+        particles, bonds = self.subdomain.particles, self.subdomain.bonds
+        self._find_loads(self.time)
+        particles.place()
+        self.evaluate()
+        self.changed = True
+        self._breaking.broken = int((bonds.initial_size - bonds.alive()).sum())
 
     def ledger(self):
         """Return {name: (n_owned,) J} of this rank's contributions to the energies; sums over all ranks are the body's. Local."""
@@ -250,8 +287,3 @@ class Equilibrium:
     def damped(self):
         """Return (n_owned,) J, the part of the dissipated energy that no bond released. Local."""
         return self._damped
-
-
-def _rows_of(particles, field):
-    """Return (getter, setter) of the owned rows of a field."""
-    return lambda: particles.owned(field).copy(), lambda value: particles.put(field, value)

@@ -7,6 +7,7 @@ from pdhpc.parallel.linear_solver import SolverError
 from pdhpc.peridynamics.equilibrium import Equilibrium
 from pdhpc.peridynamics.tangent import Tangent, stiffness_blocks
 
+_STALLED = 0.5  # of what was out of balance: a Newton step that leaves more comes no closer
 _HALVINGS = 8  # of a Newton step, before it is given up
 _CLOSER = 0.1  # of what is out of balance beyond the tolerance: how closely linear systems are solved for the last step
 _INEXACT = 1e-4  # relative: how closely at best in finite kinematics, where the next step corrects
@@ -36,18 +37,20 @@ class Newton(Equilibrium):
 
     def bring_to_rest(self, t, after_break):
         """As of Equilibrium. Collective."""
-        particles, tolerance = self.subdomain.particles, self.path.tolerance
+        particles = self.subdomain.particles
         motion, moves = self.motion_of_supports(t)
         particles.place()
         self.evaluate()
         out = self.measure()
+        stalled = False
         for iteration in range(self.path.iterations):
-            if not moves and self.residual <= tolerance:
+            if not moves and self.at_rest(stalled):
                 return
-            out = self._step(t, motion if moves else None, out)
+            before, out = out, self._step(t, motion if moves else None, out)
+            stalled = not moves and out > _STALLED * before
             moves = False
             self.iterations += 1
-        if not self.residual <= tolerance:
+        if not self.at_rest(stalled):
             raise self.failed(t, self.path.iterations, "take more load steps, or raise static.iterations or static.tolerance")
 
     def _step(self, t, motion, out):
@@ -68,6 +71,9 @@ class Newton(Equilibrium):
             if now < (1.0 - 1e-4 * size) * out or self.residual <= self.path.tolerance:
                 return now
             size *= 0.5
+        if out <= self._rounding:
+            self._move(before)
+            return self.measure()
         raise self.failed(t, self.iterations, f"a Newton step of 1/{2**_HALVINGS} brings it no closer; take more load steps, or raise static.tolerance")
 
     def _move(self, displacement):

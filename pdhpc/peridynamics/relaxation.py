@@ -4,6 +4,7 @@ import time
 
 import numpy as np
 
+from pdhpc import state
 from pdhpc.kernels import balance
 from pdhpc.peridynamics.equilibrium import Equilibrium
 from pdhpc.peridynamics.tangent import stiffness_blocks
@@ -12,6 +13,7 @@ EVERY = 10
 """Iterations between two looks at the residual, with three reductions over all ranks each; the damping coefficient takes three more."""
 _MARGIN = 1.1  # on the fictitious density: bonds under tension are stiffer than those at rest
 _LARGEST_DAMPING = 1.9  # per iteration
+_CLOSER, _WAYS = 0.9, 8  # what comes closer leaves less than that share of the least so far, within so many times a wave's way through the body
 
 
 class Relaxation(Equilibrium):
@@ -38,7 +40,7 @@ class Relaxation(Equilibrium):
         before = particles.owned(particles.displacement).copy()
         ramp = 0 if after_break else self._set_out(t)
         self._pace[...] = 0.0
-        damping = 0.0
+        damping, best = 0.0, (math.inf, 0)
         for iteration in range(path.iterations + 1):
             if iteration < ramp:
                 self.conditions.place(t, 1.0 / (ramp - iteration))
@@ -48,8 +50,10 @@ class Relaxation(Equilibrium):
                 self._keep(self._start)
             since = iteration - ramp
             if since >= 0 and since % EVERY == 0:
-                self.measure()
-                if not self.residual > path.tolerance:
+                out = self.measure()
+                if out < _CLOSER * best[0]:
+                    best = out, since
+                if not math.isfinite(out) or self.at_rest(since - best[1] > _WAYS * path.length):
                     break
                 damping = self._damping() if since else damping
                 self._keep(self._last)
@@ -59,15 +63,15 @@ class Relaxation(Equilibrium):
         else:
             self.measure()
         self.iterations += iteration
-        if not self.residual <= path.tolerance:
+        if not self.at_rest(True):
             raise self.failed(t, iteration, "raise static.iterations or static.tolerance, take more load steps, or look for parts that nothing holds")
         np.subtract(particles.owned(particles.displacement), before, out=self._increment)
         self._steady = not after_break
 
     def state(self):
         """As of Equilibrium, with the straight line that a next step continues."""
-        line = {"increment": (lambda: self._increment, lambda value: np.copyto(self._increment, value))}
-        return {**super().state(), **line, "steady": (lambda: self._steady, lambda value: setattr(self, "_steady", bool(value)))}
+        entries = super().state()
+        return {**entries, "increment": state.rows(self._increment, entries["displacement"].of), "steady": state.number(self, "_steady", bool)}
 
     def _set_out(self, t):
         """Continue the last increment where no bond broke in it; return the iterations that supports then take to arrive: 0, or twice a wave's way. Collective."""

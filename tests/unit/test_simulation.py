@@ -40,13 +40,14 @@ def test_a_second_run_needs_overwrite(tmp_path, comm):
     Simulation(scene, comm).run(tmp_path, overwrite=True, quiet=True)
 
 
-def test_an_unstable_step_ends_with_an_error_and_a_record(tmp_path, comm):
+@pytest.mark.parametrize("frames, words", [(1, "not finite"), (20, "energy balance is off by")])
+def test_an_unstable_step_ends_with_an_error_and_a_record(tmp_path, comm, frames, words):
     spin = "[[initial]]\nvelocity_gradient = [[0.1, 0.0], [0.3, 0.0]]\n"
-    scene = parse_scene(plate((8, 8), extra=spin), "t", ["time.dt=4.0", "time.end=4000.0", "time.allow_unstable=true"])
-    with pytest.raises(RunError, match="not finite"), np.errstate(all="ignore"):
+    scene = parse_scene(plate((8, 8), extra=spin), "t", ["time.dt=4.0", "time.end=4000.0", "time.allow_unstable=true", f"output.frames={frames}"])
+    with pytest.raises(RunError, match=words), np.errstate(all="ignore"):
         Simulation(scene, comm).run(tmp_path, quiet=True)
     record = json.loads((tmp_path / "run.json").read_text())
-    assert record["status"] == "failed" and "not finite" in record["error"] and "above the critical step" in record["warnings"][0]
+    assert record["status"] == "failed" and words in record["error"] and "above the critical step" in record["warnings"][0]
 
 
 CHOICES = [[f"particles.path={path}", *model] for path in PATHS for model in ([], ["material.glass.model=lps", "material.glass.poissons_ratio=0.22"])]
@@ -125,7 +126,7 @@ def test_a_mesh_leaves_what_particles_do(tmp_path, comm, integration):
 
 
 def test_a_mesh_that_flies_apart_ends_with_an_error_and_a_record(tmp_path, comm):
-    scene = parse_scene(FEM + HELD, "t", ["time.dt=0.9", "time.end=900.0", "time.allow_unstable=true"])
+    scene = parse_scene(FEM + HELD, "t", ["time.dt=0.9", "time.end=900.0", "time.allow_unstable=true", "output.frames=1"])
     with pytest.raises(RunError, match="the displacement of vertex .* is not finite"), np.errstate(all="ignore"):
         Simulation(scene, comm).run(tmp_path, quiet=True)
     assert json.loads((tmp_path / "run.json").read_text())["status"] == "failed"
@@ -162,4 +163,8 @@ def test_an_equilibrium_that_is_not_found_ends_with_an_error_and_a_record(tmp_pa
     scene = read_scene(request.path.parent / "scene" / "everything_static.toml", ["static.equilibria=2"])
     with pytest.raises(RunError, match="bonds break in each of 2 equilibria"):
         Simulation(scene, comm).run(tmp_path / "out", quiet=True)
-    assert "bonds break in each of 2 equilibria" in json.loads((tmp_path / "out" / "run.json").read_text())["error"]
+    record = json.loads((tmp_path / "out" / "run.json").read_text())
+    assert "bonds break in each of 2 equilibria" in record["error"]
+    history = read_history(tmp_path / "out" / "history.csv")
+    assert history["step"][-1] == record["steps"] and history["broken_in_step"][-1] > 0, "the load step that failed is there to be seen"
+    assert frame_times(tmp_path / "out")[-1][1] == record["steps"] and read_frame(tmp_path / "out")[2]["damage"].max() > 0

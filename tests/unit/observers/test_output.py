@@ -17,7 +17,7 @@ class Gauge:
 
 def test_rows_of_all_gauges_once_each():
     rows, prepared = [], []
-    output = HistoryOutput(SimpleNamespace(append=rows.append), [Gauge()], [2])
+    output = HistoryOutput(SimpleNamespace(append=rows.append, begin=rows.clear), [Gauge()], [2])
     assert columns([Gauge()]) == ["time [s]", "step", "a [m]", "b [s]"]
     view = SimpleNamespace(prepare=lambda: prepared.append(1))
     output.start(SimpleNamespace(step=0, time=0.0, view=view))
@@ -26,3 +26,13 @@ def test_rows_of_all_gauges_once_each():
     assert [row["step"] for row in rows] == [0, 2] and rows[1] == {"time [s]": 0.2, "step": 2, "a [m]": 20, "b [s]": -1}
     output.finish(SimpleNamespace(step=3, time=0.3, view=view))
     assert rows[-1]["step"] == 3 and len(prepared) == len(rows), "what gauges read is brought up to date first"
+
+
+def test_a_continued_history_begins_behind_its_rows():
+    rows, view = [], SimpleNamespace(prepare=int)
+    output = HistoryOutput(SimpleNamespace(append=rows.append, resume=lambda step: step), [Gauge()], [])
+    output.resume(SimpleNamespace(step=2, time=0.2, view=view))
+    output.finish(SimpleNamespace(step=2, time=0.2, view=view))
+    assert rows == [], "the row of the step that it goes on from is there"
+    output.finish(SimpleNamespace(step=4, time=0.4, view=view))
+    assert [row["step"] for row in rows] == [4]

@@ -145,8 +145,8 @@ def test_state_continues_a_run_bit_for_bit(method, path):
     for _ in range(7):
         first.advance()
     assert first.broken > 0
-    saved = {key: np.copy(get()) for key, (get, _) in first.state().items()}
-    for key, (_, put) in second.state().items():
+    saved = {key: np.copy(get()) for key, (get, *_) in first.state().items()}
+    for key, (_, put, *_) in second.state().items():
         put(saved[key] if saved[key].ndim else saved[key].item())
     first.advance()
     second.advance()
@@ -154,3 +154,23 @@ def test_state_continues_a_run_bit_for_bit(method, path):
     for name, values in first.ledger().items():
         assert np.array_equal(values, second.ledger()[name]), name
 
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_loads_within_the_rounding_of_positions_are_refused(method):
+    """Forces of strains of 1e-16 cannot be found from positions of sixteen digits; displacements can (linear kinematics)."""
+    text = still((14, 6), method, kinematics="finite", extra=PULL.format(kind="force_density", value=1e-15, more=""))
+    with pytest.raises(SolverError, match=r"forces below .* N are the rounding of positions; particles.kinematics = \"linear\" is not limited by it"):
+        problem_of(text, ["static.iterations=2000"]).stepper().advance()
+    stepper = problem_of(text, ["particles.kinematics=linear"]).stepper()
+    stepper.advance()
+    assert stepper.residual <= 1e-10
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_the_residual_is_true_where_rounding_limits_it(method):
+    stepper = problem_of(still((14, 6), method, kinematics="finite", extra=PULL.format(kind="force_density", value=1e-9, more=""))).stepper()
+    stepper.advance()
+    force = np.where(stepper.held, 0.0, stepper.view.field("force_density"))
+    assert stepper.residual == pytest.approx(np.linalg.norm(force) / stepper.reference, rel=1e-6) and stepper.residual > 0.0
+    assert stepper.totals["rounding_residual"] == (stepper.residual if stepper.residual > stepper.path.tolerance else 0.0)
