@@ -206,9 +206,19 @@ def _view(options):
     import json
 
     from pdhpc.scene.read import scene_from_dict
+    from pdhpc.scene.schema import SceneError
 
-    scene = scene_from_dict(json.loads(record.read_text())["scene"], str(record))
-    for path in _draw(options.directory, scene, **_view_of(options, scene)):
+    try:
+        scene = scene_from_dict(json.loads(record.read_text(encoding="utf-8"))["scene"], str(record))
+        pictures = _draw(options.directory, scene, **_view_of(options, scene))
+    except SceneError:
+        raise
+    except (OSError, KeyError, ValueError, IndexError, TypeError, MemoryError, RuntimeError) as damage:  # what h5py, json and numpy say of damaged files
+        words = " ".join(str(damage).split()) or type(damage).__name__
+        error = OutputError(f"{options.directory}: its files cannot be read ({words}); allowed is the folder of a run as it was left")
+        error.exit_code = EXIT_BAD_INPUT
+        raise error from None
+    for path in pictures:
         print(path)
     return 0
 

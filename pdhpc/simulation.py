@@ -19,7 +19,7 @@ from pdhpc.observers.progress import Progress
 from pdhpc.output.checkpoint import write_checkpoint
 from pdhpc.output.fields import FieldWriter
 from pdhpc.output.history import History
-from pdhpc.output.record import OutputError, claim_directory, write_json
+from pdhpc.output.record import Lock, OutputError, claim_directory, write_json
 from pdhpc.parallel.comm import agree_on_error, on_root, world
 from pdhpc.parallel.linear_solver import SolverError, start_petsc, unused_options
 from pdhpc.restart import go_on
@@ -29,6 +29,7 @@ from pdhpc.scene.build import build
 from pdhpc.scene.gauges import make_fragments, make_gauges
 from pdhpc.scene.mesh_rules import unused
 from pdhpc.scene.read import parse_scene, read_text
+from pdhpc.scene.room import check_room
 
 _STEPPING = ("force", "exchange", "wait", "integrate", "contact", "choose", "seed", "reconstruct", "solve")  # phases of a step
 _LARGE_BALANCE_ERROR = 0.02  # relative; a larger one is reported as a warning
@@ -46,6 +47,7 @@ class Simulation:
         """Build the scene. Collective over `comm` (default: all ranks). petsc_options : words handed to PETSc, of which those that nothing used are a warning."""
         started = time.perf_counter()
         self.comm = world() if comm is None else comm
+        check_room(scene, self.comm)
         self.scene, self._petsc_options = scene, petsc_options
         _compile_first_on_each_node(self.comm, scene)
         compiled = time.perf_counter()
@@ -74,9 +76,11 @@ class Simulation:
         ------
         OutputError: the directory holds another run, or cannot be written. RunError: the run cannot go on.
         """
-        if directory is not None:
+        if directory is None:
+            return self._drive(None, self._observers(None, quiet))
+        with self._alone(directory):
             on_root(self.comm, claim_directory, str(directory), overwrite)
-        return self._drive(directory, self._observers(directory, quiet))
+            return self._drive(directory, self._observers(directory, quiet))
 
     def resume(self, directory, saved, quiet=False):
         """Go on from the newest of the checkpoints `saved` (restart.Saved) that can be read, and write to the same directory. Collective.
@@ -85,12 +89,29 @@ class Simulation:
         ---------------
         as run; OutputError: no checkpoint can be read, or none is of this scene.
         """
+        with self._alone(directory):
+            return self._drive(directory, self._restored(directory, saved, quiet), resumed=True)
+
+    @contextlib.contextmanager
+    def _alone(self, directory):
+        """Keep other jobs from writing to the directory meanwhile. Collective."""
+        lock = Lock()
+        on_root(self.comm, lock.take, str(directory))
+        warning = self.comm.bcast(lock.warning)
+        self.warnings += [warning] if warning else []
+        try:
+            yield
+        finally:
+            lock.release()
+
+    def _restored(self, directory, saved, quiet):
+        """Return the observers of a run whose state is that of a checkpoint. Collective."""
         observers = self._observers(directory, quiet)
         entries = {key: entry for each in (self.stepper, *observers) for key, entry in each.state().items()}
         self.warnings += go_on(self.comm, saved, self.problem, entries)
         with _solver_errors():
             self.stepper.resume()
-        return self._drive(directory, observers, resumed=True)
+        return observers
 
     def _drive(self, directory, observers, resumed=False):
         """Run to the end and return the content of run.json. Collective."""

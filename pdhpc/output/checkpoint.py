@@ -3,7 +3,7 @@
     DIR/checkpoint/step_000120.h5    attribute header (JSON: scene, step, time, ranks, versions), with its CRC-32
         state/KEY                    rows of an entry, in rank order; the bytes of bond states, a bit each
         ids/K                        global ids of the points of those rows, once for all entries that share them
-        ranks (n_ranks, ...)         for each rank that wrote: its first row and number of rows in each dataset, its first piece and number of pieces
+        ranks (n_ranks, ...)         for each rank that wrote: its first row and number of rows in each dataset, its first piece and number of pieces; their CRC-32
         pieces (n_pieces, 4)         dataset, first row, rows and CRC-32 of them
 
 A file is written under another name and renamed when it is complete, and the two newest are kept: a kill at any moment leaves one that can be read. Every
@@ -50,13 +50,14 @@ def write_checkpoint(comm, directory, header, entries):
     data, kinds = {}, {}
     for key, entry in entries.items():
         values, shared = np.asarray(entry.get()), entry.of is EVERYWHERE if isinstance(entry.of, str) else False
-        kinds[key] = {"of": entry.of if isinstance(entry.of, str) else groups[key], "scalar": values.ndim == 0, "bool": values.dtype == bool}
+        kind = {"of": entry.of if isinstance(entry.of, str) else groups[key], "scalar": values.ndim == 0, "bool": values.dtype == bool}
         values = values.reshape(1) if values.ndim == 0 else values
         values = values.astype(np.uint8) if values.dtype == bool else values
-        data[f"state/{key}"] = _of_one_width(comm, values[: 0 if shared and comm.rank else len(values)])
+        data[f"state/{key}"] = values = _of_one_width(comm, values[: 0 if shared and comm.rank else len(values)])
+        kinds[key] = {**kind, "dtype": values.dtype.str, "tail": values.shape[1:]}
     for key, number in groups.items():
         if f"ids/{number}" not in data:
-            data[f"ids/{number}"] = np.asarray(entries[key].of, np.int64)
+            data[f"ids/{number}"] = np.ascontiguousarray(entries[key].of, np.int64)
     text = json.dumps(plain({**header, "format": FORMAT, "ranks": comm.size, "kinds": kinds}))
     attributes = {"header": text, "header_crc": zlib.crc32(text.encode())}
     write_file(comm, folder / f"step_{header['step']:09d}.h5", {**data, **_tables(comm, data)}, attributes)
@@ -99,8 +100,8 @@ def _tables(comm, data):
             piece = values[start : start + _PIECE]
             pieces.append((number, mine.first + start, len(piece), zlib.crc32(piece)))
     own, = Rows.of(comm, [len(pieces)])
-    place = [each for mine in (*rows, own) for each in (mine.first, mine.count)]
-    return {"ranks": np.array([place], np.int64), "pieces": np.array(pieces, np.int64).reshape(-1, 4)}
+    place = np.array([each for mine in (*rows, own) for each in (mine.first, mine.count)], np.int64)
+    return {"ranks": np.append(place, zlib.crc32(place))[None], "pieces": np.array(pieces, np.int64).reshape(-1, 4)}
 
 
 def _make_folder(folder):
@@ -153,8 +154,8 @@ def restore(comm, path, header, entries):
     missing = sorted(set(entries) ^ set(header["kinds"]))
     if missing:
         raise Damaged(f"{path}: state of {missing[0]} is not that of this scene")
-    names = [f"state/{key}" for key in header["kinds"]]
-    names += [f"ids/{number}" for number in dict.fromkeys(kind["of"] for kind in header["kinds"].values() if not isinstance(kind["of"], str))]
+    names = {f"state/{key}": (kind["dtype"], tuple(kind["tail"])) for key, kind in header["kinds"].items()}
+    names.update({f"ids/{kind['of']}": ("<i8", ()) for kind in header["kinds"].values() if not isinstance(kind["of"], str)})
     found = {}
     with agree_on_error(comm):
         found = _read(comm, path, header["ranks"], names)
@@ -177,18 +178,20 @@ def restore(comm, path, header, entries):
 
 
 def _read(comm, path, writers, names):
-    """Return {name: rows} that this rank reads: its own, or those of the writers whose rows it takes. Local."""
+    """Return {name: rows} that this rank reads: its own, or those of the writers whose rows it takes; names : {name: (dtype, shape of a row)}. Local."""
     import h5py
 
     first, last = (-(-writers * rank // comm.size) for rank in (comm.rank, comm.rank + 1))  # rank 0 always has the first
     try:
         with h5py.File(path, "r") as file:
-            ranks = file["ranks"][first:last]
+            ranks = _checked_ranks(path, file["ranks"], first, last, 2 * len(names) + 3)
             begin, end = (ranks[0, -2], ranks[-1, -2:].sum()) if last > first else (0, 0)
             pieces = file["pieces"][int(begin) : int(end)]
             found = {}
-            for number, name in enumerate(names):
+            for number, (name, kind) in enumerate(names.items()):
                 dataset = file[name]
+                if (dataset.dtype.str, dataset.shape[1:]) != kind:
+                    raise Damaged(f"{path}: damaged: {name} is of another kind than its header says")
                 start, stop = (int(ranks[0, 2 * number]), int(ranks[-1, 2 * number : 2 * number + 2].sum())) if last > first else (0, 0)
                 values = np.empty((stop - start, *dataset.shape[1:]), dataset.dtype)
                 if values.size:
@@ -198,6 +201,16 @@ def _read(comm, path, writers, names):
     except (OSError, RuntimeError, KeyError, ValueError, IndexError, TypeError) as error:
         raise Damaged(f"{path}: damaged: {reason(error)}") from error
     return found
+
+
+def _checked_ranks(path, dataset, first, last, width):
+    """Return the rows of the writers first to last - 1, without their checksums, which are right."""
+    if dataset.shape[1:] != (width,):
+        raise Damaged(f"{path}: damaged: its table of ranks is of another width")
+    ranks = dataset[first:last]
+    if len(ranks) != last - first or any(zlib.crc32(np.ascontiguousarray(row[:-1])) != row[-1] for row in ranks):
+        raise Damaged(f"{path}: damaged: its table of ranks does not match its checksum")
+    return ranks[:, :-1]
 
 
 def _check_pieces(path, name, values, start, pieces):

@@ -39,6 +39,43 @@ def check_directory(path, overwrite):
         raise _refusal(f"{path}: {existing} is not writable; allowed is a folder you may write to")
 
 
+class Lock:
+    """A folder that only one job writes to: held by rank 0, let go by the system when its process ends, however that happens.
+
+    warning : None, or what to say where the file system knows no locks.
+    """
+
+    def __init__(self):
+        self._held, self.warning = None, None
+
+    def take(self, path):
+        """Lock a folder, which is created if it is not there.
+
+        Raises
+        ------
+        OutputError: another job holds it, or the folder cannot be made; exit_code 2.
+        """
+        import fcntl
+
+        try:
+            Path(path).mkdir(parents=True, exist_ok=True)
+            self._held = os.open(path, os.O_RDONLY)
+            fcntl.flock(self._held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            self.release()
+            raise _refusal(f"{path}: another job writes to it now; allowed is another folder, or to wait for its end") from None
+        except OSError as error:
+            if self._held is None:
+                raise _refusal(f"{path}: cannot be used as output folder ({error.strerror})") from error
+            self.warning = f"{path}: this file system knows no locks ({error.strerror}): nothing keeps a second job from writing there"
+
+    def release(self):
+        """Let the folder go."""
+        if self._held is not None:
+            os.close(self._held)
+            self._held = None
+
+
 def claim_directory(path, overwrite):
     """Make `path` an empty run folder: create it, or, with overwrite, remove the files a former run wrote there and nothing else."""
     check_directory(path, overwrite)
@@ -46,7 +83,8 @@ def claim_directory(path, overwrite):
     try:
         path.mkdir(parents=True, exist_ok=True)
         for name in OWN_FILES:
-            (path / name).unlink(missing_ok=True)
+            for file in (name, name + ".part"):
+                (path / file).unlink(missing_ok=True)
         for picture in path.glob(PICTURES):
             if picture.is_file() and (picture.stem in _drawn() or picture.stem.startswith("curve_")):
                 picture.unlink()

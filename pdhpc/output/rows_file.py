@@ -6,7 +6,10 @@ from typing import NamedTuple
 import numpy as np
 
 from pdhpc.output.record import OutputError
-from pdhpc.parallel.comm import on_root
+from pdhpc.parallel.comm import abort, on_root
+
+
+_OVERHEAD = 1 << 16  # bytes of HDF5 beside the data, at most about
 
 
 class Rows(NamedTuple):
@@ -38,14 +41,16 @@ def write_file(comm, path, data, attributes):
 
     Raises
     ------
-    OutputError: on every rank, with the reason.
+    OutputError: on every rank, with the reason. Where parallel HDF5 fails on some ranks alone, whom others wait for inside it, the job is aborted with the sentence.
     """
+    on_root(comm, _make_room, path, comm.allreduce(sum(values.nbytes for values in data.values())))
     part = path.with_name(path.name + ".part")
     write = _write_together if _parallel_h5py() and comm.size > 1 else _write_in_turn
     rows = dict(zip(data, Rows.of(comm, [len(values) for values in data.values()])))
     error = write(comm, part, data, rows, attributes)
     errors = [each for each in comm.allgather(error) if each is not None]
     if errors:
+        on_root(comm, _remove, part)
         raise OutputError(f"{path}: cannot be written ({errors[0]})")
     on_root(comm, publish, part, path)
 
@@ -61,7 +66,7 @@ def _write_together(comm, part, data, rows, attributes):
             for key, values in data.items():
                 _write_rows(file[key], rows[key].first, values)
     except (OSError, RuntimeError, ValueError) as error:
-        return reason(error)
+        abort(comm, f"{part}: cannot be written ({reason(error)})")
     return None
 
 
@@ -118,7 +123,22 @@ def _parallel_h5py():
 
 def reason(error):
     """Return the system's word on an error, or the first line of the library's."""
-    return getattr(error, "strerror", None) or str(error).splitlines()[0]
+    return getattr(error, "strerror", None) or str(error).splitlines()[0].split(": time =")[0]
+
+
+def _make_room(path, size):
+    """Raise an OutputError unless the file system has room for so many bytes and what HDF5 adds."""
+    try:
+        system = os.statvfs(path.parent)
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written ({error.strerror})") from error
+    free = system.f_bavail * system.f_frsize
+    if system.f_blocks and free < size + _OVERHEAD:
+        raise OutputError(f"{path}: cannot be written (No space left on device: {free:,} bytes free, {size:,} needed)")
+
+
+def _remove(path):
+    path.unlink(missing_ok=True)
 
 
 def _touch(path):

@@ -32,6 +32,13 @@ def _install_abort_hook(comm):
     sys.excepthook = abort
 
 
+def abort(comm, sentence):
+    """End the whole job with exit code 1 and a sentence: others wait for this rank where no error of its own can reach them. Local."""
+    sys.stderr.write(f"pdhpc: {sentence}\n")
+    sys.stderr.flush()
+    comm.Abort(1)
+
+
 @contextlib.contextmanager
 def agree_on_error(comm):
     """Run a block of local work; when it fails on any rank, raise the error of the lowest failing rank on every rank.
@@ -83,6 +90,16 @@ def most_of_each(comm, numbers):
     most = np.array(numbers, np.int64)
     comm.Allreduce(MPI.IN_PLACE, most, MPI.MAX)
     return most.tolist()
+
+
+def total_of_nodes(comm, amount):
+    """Return the sum over machines of what amount() says on each of them. Collective."""
+    from mpi4py import MPI
+
+    node = comm.Split_type(MPI.COMM_TYPE_SHARED)
+    mine = amount() if node.rank == 0 else 0
+    node.Free()
+    return comm.allreduce(mine)
 
 
 def join_marks(comm, marks):

@@ -196,7 +196,7 @@ class Equilibrium:
         if out <= self._rounding and self.reference <= self._rounding and applied == 0.0 and self.sums.largest(np.abs(particles.displacement).max(initial=0.0)) == 0.0:
             self.residual = 0.0  # nothing is loaded, nothing has moved
         else:
-            self.residual = out / self.reference if self.reference > 0.0 else math.inf if out > 0.0 else 0.0
+            self.residual = out / self.reference if self.reference > 0.0 else 0.0 if out == 0.0 else out * math.inf
         self._out = out
         return out
 

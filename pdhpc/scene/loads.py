@@ -1,7 +1,6 @@
 """Loads, prescribed motions, their time functions, and initial states as tables of the scene."""
 from typing import Literal, Optional
 
-from pdhpc.conditions.axial_motion import AxialMotion
 from pdhpc.scene.fields import (
     FreeVector, Matrix, Name, NotNegative, Number, Numbers, Positive, Rule, Table, Vector, check_direction, check_vector, key,
 )
@@ -180,6 +179,8 @@ class Initial(Table):
 
     def about_axis(self, dim):
         """Return the AxialMotion, None where there is none."""
+        from pdhpc.conditions.axial_motion import AxialMotion  # needs numpy, which reading a scene does not
+
         radial, axial, angular = (tuple(getattr(self, name) or ()) for name in ABOUT_AXIS)
         if not (radial or axial or angular):
             return None

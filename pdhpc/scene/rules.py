@@ -104,7 +104,7 @@ def _check_bodies(scene):
         spacing = scene.spacing_of(body)
         within(where, body.check, scene.dim)
         within(where, _check_cells, body, spacing, "spacings" if scene.uses_lattice else "cells")
-        cells += _cells(body, spacing)
+        cells += cells_of(body, spacing)
         if cells > _MOST_CELLS:
             raise Rule("particles.spacing" if scene.uses_lattice else "mesh.cell_size", spacing, f"a length that fills the bodies with fewer than 2^53 cells (here about {cells:.3g})")
         _check_holes(where, body, scene.dim)
@@ -127,7 +127,7 @@ def _check_cells(body, spacing, what):
             raise Rule("upper", body.upper, f"a box whose {size} is a whole number of {what}; the nearest is {count * spacing:.10g} m")
 
 
-def _cells(body, spacing):
+def cells_of(body, spacing):
     """Return about how many lattice cells the bounding box of a body holds."""
     number = 1.0
     for low, high in zip(*body.bounding_box()):

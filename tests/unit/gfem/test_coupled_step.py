@@ -67,9 +67,10 @@ def test_a_continued_run_needs_no_more_than_the_state(coupled_body, shake, schem
         put(stored[key])
     other.resume()
     broken = half.broken
+    assert other.broken == broken
     for _ in range(3):
         other.advance()
-    assert through.patches.chosen.sum() >= counts[1] > counts[0] and through.broken == broken + other.broken and broken > 0
+    assert through.patches.chosen.sum() >= counts[1] > counts[0] and through.broken == other.broken > broken > 0
     for key, (get, *_) in other.state().items():
         expected = through.state()[key][0]()
         assert np.array_equal(get(), expected) or key == "work/particle_loads" and get() == pytest.approx(expected, rel=1e-14), key  # a sum taken up at another place

@@ -14,7 +14,7 @@ def test_a_run_continues_from_its_state(interface):
     for _ in range(10):
         stepper.advance()
     saved = {key: np.copy(get()) for key, (get, put, *_) in stepper.state().items()}
-    assert {"step", "multiplier/coarse", "multiplier/fine", "coarse/displacement", "fine/alive", "fine/force_density"} <= set(saved)
+    assert {"step", "multiplier/coarse", "multiplier/fine", "coarse/displacement", "fine/bonds", "fine/force_density"} <= set(saved)
     for _ in range(10):
         stepper.advance()
     expected = stepper.view.field("displacement").copy()

@@ -25,6 +25,7 @@ def run_folder(folder, comm, tables, positions, dim=3):
     (folder / "run.json").write_text(json.dumps({"title": "t", "scene": {"impactor": tables}}))
     columns = [f"{table['name']}.position_{x} [m]" for table in tables for x in "xyz"[:dim]]
     history = History(folder / "history.csv", ["time [s]", "step", *columns], comm)
+    history.begin()
     for number, place in enumerate(positions):
         history.append(dict(zip(history.columns, [number * 1e-6, 5 * number, *np.ravel(place)])))
 

@@ -1,10 +1,12 @@
 import json
 import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
 
-from pdhpc.output.record import OutputError, check_directory, claim_directory, write_json, write_text
+from pdhpc.output.record import Lock, OutputError, check_directory, claim_directory, write_json, write_text
 
 
 def test_json_of_numpy_and_of_what_json_cannot_say(tmp_path):
@@ -58,3 +60,40 @@ def test_a_read_only_folder(tmp_path):
     tmp_path.chmod(0o500)
     with pytest.raises(OutputError, match="not writable"):
         check_directory(tmp_path / "out", False)
+
+
+def test_a_folder_has_one_job_at_a_time(tmp_path):
+    one, other = Lock(), Lock()
+    one.take(tmp_path / "new")
+    with pytest.raises(OutputError, match="another job writes to it now") as caught:
+        other.take(tmp_path / "new")
+    assert caught.value.exit_code == 2
+    one.release()
+    other.take(tmp_path / "new")
+    other.release()
+
+
+def test_the_lock_of_a_job_that_was_killed_is_gone(tmp_path):
+    words = f"import sys; from pdhpc.output.record import Lock; lock = Lock(); lock.take({str(tmp_path)!r}); print('held', flush=True); sys.stdin.read()"
+    child = subprocess.Popen([sys.executable, "-c", words], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    assert child.stdout.readline() == b"held\n"
+    with pytest.raises(OutputError, match="another job"):
+        Lock().take(tmp_path)
+    child.kill()
+    child.wait()
+    lock = Lock()
+    lock.take(tmp_path)
+    lock.release()
+
+
+def test_a_folder_without_locks_is_said(tmp_path, monkeypatch):
+    import fcntl
+
+    def none(descriptor, operation):
+        raise OSError(37, "No locks available")
+
+    monkeypatch.setattr(fcntl, "flock", none)
+    lock = Lock()
+    lock.take(tmp_path)
+    assert "knows no locks (No locks available)" in lock.warning
+    lock.release()

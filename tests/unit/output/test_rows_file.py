@@ -1,3 +1,5 @@
+from types import SimpleNamespace
+
 import h5py
 import numpy as np
 import pytest
@@ -25,3 +27,11 @@ def test_a_file_is_complete_or_not_there(tmp_path, comm, monkeypatch):
 def test_what_the_system_says_is_said(tmp_path, comm):
     with pytest.raises(OutputError, match=r"nowhere/a.h5: cannot be written \(.*No such file or directory.*\)"):
         write_file(comm, tmp_path / "nowhere" / "a.h5", {"x": np.zeros(1)}, {})
+
+
+def test_a_full_disk_is_seen_before_anything_is_written(tmp_path, comm, monkeypatch):
+    monkeypatch.setattr(rows_file.os, "statvfs", lambda path: SimpleNamespace(f_bavail=100, f_frsize=1024, f_blocks=1000))
+    write_file(comm, tmp_path / "a.h5", {"x": np.zeros(100)}, {})
+    with pytest.raises(OutputError, match="b.h5: cannot be written .No space left on device: 102,400 bytes free, 80,000 needed"):
+        write_file(comm, tmp_path / "b.h5", {"x": np.zeros(10000)}, {})
+    assert [each.name for each in tmp_path.iterdir()] == ["a.h5"]

@@ -13,7 +13,7 @@ def test_a_row_has_every_column_and_adds_up(tmp_path, monkeypatch):
     assert set(COLUMNS) - set(row) == {"study", "kind", "commit", "repeat"}  # those the parent adds
     assert row["particles"] == 120 and row["steps"] == 5 and row["bond_imbalance"] == row["force_imbalance"] == 1.0
     phases = sum(row[f"{name}_mean"] for name in ("force", "exchange", "wait", "integrate", "contact"))
-    assert 0.5 * row["seconds"] < phases <= row["seconds"]
+    assert 0.2 * row["seconds"] < phases <= row["seconds"]  # steps of 20 microseconds, of which the drive loop is a part
     assert list(tmp_path.iterdir()) == []  # the frame that was timed is gone
 
 
