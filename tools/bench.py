@@ -12,6 +12,7 @@ import tempfile
 import time
 from pathlib import Path
 
+from bench_checkpoint import checkpoint, checkpoint_rank
 from bench_contact import contact, contact_rank
 from bench_gfem import gfem_rank
 
@@ -486,8 +487,10 @@ def gfem():
           f" broken bonds {last['broken']}")
 
 
-PARTS = {"kernel": kernel, "run": run, "scaling": scaling, "prediction": prediction, "setup": setup, "startup": startup, "coupling": coupling, "energy": energy, "fem": fem, "gfem": gfem, "contact": lambda: contact(_worker, _spread)}
-WORKERS = {"rates": rates, "run-rank": run_rank, "steps": steps, "row": row, "setup-rank": setup_rank, "coupling-rank": coupling_rank, "fem-steps": fem_steps, "fem-static": fem_static, "gfem-rank": gfem_rank, "contact-rank": contact_rank}
+PARTS = {"kernel": kernel, "run": run, "scaling": scaling, "prediction": prediction, "setup": setup, "startup": startup, "coupling": coupling, "energy": energy, "fem": fem, "gfem": gfem, "contact": lambda: contact(_worker, _spread),
+         "checkpoint": lambda: checkpoint(_worker, _spread)}
+WORKERS = {"rates": rates, "run-rank": run_rank, "steps": steps, "row": row, "setup-rank": setup_rank, "coupling-rank": coupling_rank, "fem-steps": fem_steps, "fem-static": fem_static, "gfem-rank": gfem_rank, "contact-rank": contact_rank,
+           "checkpoint-rank": checkpoint_rank}
 
 if __name__ == "__main__":
     if sys.argv[1:2] and sys.argv[1] in WORKERS:
