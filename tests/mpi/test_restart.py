@@ -97,11 +97,8 @@ def test_a_damaged_file_is_heard_of_everywhere(comm, folder):
 
 
 @pytest.mark.mpi(min_size=2)
-@pytest.mark.parametrize("path", ["lattice", "cloud"])
-@pytest.mark.parametrize("before, after", [(None, None), (1, None), (None, 1)], ids=["as many", "more", "fewer"])
+@pytest.mark.parametrize("path, before, after", [("lattice", None, None), ("lattice", 1, None), ("lattice", None, 1), ("cloud", 1, None), ("cloud", None, 1)])
 def test_a_crack_goes_on_bit_for_bit(comm, folder, path, before, after):
-    if path == "cloud" and before == after:
-        pytest.skip("as many ranks read their own rows, whatever they hold")
     words = ["time.end=14e-6", "output.frames=4", "tip.crack.window=2e-6", f"particles.path={path}", "checkpoint.at_end=false"]
     scene = parse_scene(GROWING_CRACK + "\n[checkpoint]\n", "crack", [*words, "checkpoint.steps=50"])
     for size, out in ((comm.size, folder / "whole"), (before or comm.size, folder / "stopped")):
