@@ -38,7 +38,7 @@ from pdhpc.peridynamics.critical_step import stable_step
 from pdhpc.peridynamics.crowding import find_crowded
 from pdhpc.peridynamics.equilibrium import LoadPath
 from pdhpc.peridynamics.fields import field, strain_energy_density
-from pdhpc.peridynamics.impact import Impact
+from pdhpc.peridynamics.impact import Impact, depths
 from pdhpc.peridynamics.internal_forces import InternalForces
 from pdhpc.peridynamics.lattice_subdomain import make_lattice_subdomain, sample_lattice
 from pdhpc.peridynamics.newton import Newton
@@ -180,6 +180,7 @@ def compile_interactions(dim, path, model, comm, resists, variant=Variant()):
     floor = Impactor("floor", (PLANE, np.eye(3)[0], 0.0, np.inf), np.zeros(dim), np.zeros(dim), Constant(), 1.0)
     ones = np.ones(particles.n_owned)
     impact = Impact(subdomain, floor, (1e-3 * ones, ones, ones), friction, 1.0, ExactSums(comm, dim + 1))
+    depths(floor, subdomain.places(), 1e-3 * ones)
     for each in (contact, impact):
         each.add_to(force_density, 0.0, 0)
         each.moved(0.0)

@@ -64,6 +64,14 @@ def _surface(rigid, x, y, z):
 
 
 @kernel
+def find_depths(rigid, points, radius, depth):
+    """Store in depth (n,) how far balls of radius (n,) around points (n, dim), m, enter the impactor; negative where they keep apart."""
+    for n in range(len(points)):
+        phi, _, _, _ = _surface(rigid, points[n, 0], points[n, 1], points[n, 2] if points.shape[1] == 3 else 0.0)
+        depth[n] = radius[n] - phi
+
+
+@kernel
 def find_near(rigid, position, dim, slots, radius, reach, near):
     """Mark in near (n,) bool the particles in `slots` (n,) of radius (n,), m, whose surface is within `reach`, m, of the impactor's."""
     for n in range(len(slots)):

@@ -12,6 +12,21 @@ def _itself(values):
     return values
 
 
+def rigid_of(impactor, friction=0.0, dt=0.0):
+    """Return an Impactor as kernels see it, where it is now; dt : s."""
+    dim = len(impactor.position)
+    centre, velocity = np.zeros(3), np.zeros(3)
+    centre[:dim], velocity[:dim] = impactor.position, impactor.velocity
+    return Rigid(impactor.kind, centre, impactor.axis, velocity, impactor.radius, impactor.half_length, friction, dt)
+
+
+def depths(impactor, points, radius):
+    """Return (n,) m: how far balls of radius (n,) around points (n, dim), m, enter an Impactor; negative where they keep apart."""
+    result = np.empty(len(points))
+    kernels.find_depths(rigid_of(impactor), np.ascontiguousarray(points), radius, result)
+    return result
+
+
 class Impact:
     """Penalty contact of the particles of one rank with an Impactor (formulas: kernels/impact.py).
 
@@ -118,10 +133,7 @@ class Impact:
         return np.array([value] if self.sums is not None and self.sums.comm.rank == 0 else [])
 
     def _rigid(self):
-        impactor, dim = self.impactor, self.subdomain.particles.dim
-        centre, velocity = np.zeros(3), np.zeros(3)
-        centre[:dim], velocity[:dim] = impactor.position, impactor.velocity
-        return Rigid(impactor.kind, centre, impactor.axis, velocity, impactor.radius, impactor.half_length, self.friction, self.dt)
+        return rigid_of(self.impactor, self.friction, self.dt)
 
     def _list(self):
         """List the particles within the skin of the impactor. Local."""

@@ -3,6 +3,7 @@ from pdhpc.geometry import cracks
 from pdhpc.peridynamics.bonds import cut_by_cracks
 from pdhpc.peridynamics.velocity_verlet import VelocityVerlet
 from pdhpc.scene.body import make_body
+from pdhpc.scene.clearance import check_clear
 from pdhpc.scene.conditions import make_conditions, select_particles, set_initial_state
 from pdhpc.scene.interactions import make_interactions, stiffer_step
 from pdhpc.scene.parts import make_part, partition_of
@@ -18,7 +19,8 @@ def build(scene, comm):
 
     Raises
     ------
-    SceneError, on every rank: a region, load, crack or probe that selects nothing, a step above the critical one, bodies that overlap.
+    SceneError, on every rank: a region, load, crack or probe that selects nothing, a step above the critical one, bodies that overlap,
+    an impactor that starts inside a body.
     """
     if scene.model == "fem":
         from pdhpc.scene.elastic import build_elastic
@@ -40,6 +42,7 @@ def _build_particles(scene, comm):
     _furnish(scene, body, [part], comm)
     if scene.stands_still:
         return static_problem(scene, body, part, comm)
+    check_clear(scene, body, part, comm)
     critical = stiffer_step(scene, body, part.critical_dt)
     dt, n_steps, warnings = choose_step(scene, critical)
     if scene.fine is not None:

@@ -91,7 +91,7 @@ def make_interactions(scene, body, part, comm, dt):
     return made + [_make_impact(scene, body, part, comm, dt, table) for table in scene.impactor]
 
 
-def _radius(scene, volume):
+def half_sizes(scene, volume):
     """Return half the side of the cells of particles of some volume (n,), m^3, in m."""
     return 0.5 * (volume / scene.thickness) ** (1.0 / scene.dim)
 
@@ -101,7 +101,7 @@ def _make_contact(scene, body, part, comm, dt):
 
     def reach(volume):
         if scene.contact.distance == "auto":
-            return _WIDTHS * _radius(scene, volume)
+            return _WIDTHS * half_sizes(scene, volume)
         return np.full(len(volume), 0.5 * scene.contact.distance)
 
     return Contact(part.subdomain, body.law, law, reach, Vicinity(comm), _SKIN * body.spacing)
@@ -110,7 +110,7 @@ def _make_contact(scene, body, part, comm, dt):
 def _make_impact(scene, body, part, comm, dt, table):
     particles = part.subdomain.particles
     volume, block = particles.owned(particles.volume), particles.owned(particles.block)
-    radius, blocks = _radius(scene, volume), body.calibration()[0]
+    radius, blocks = half_sizes(scene, volume), body.calibration()[0]
     stiffness = np.empty(len(block))
     for number, (material, _) in enumerate(blocks):
         stiffness[block == number] = penalty(table, material, 2 * radius[block == number])

@@ -18,6 +18,7 @@ from pdhpc.peridynamics.internal_forces import InternalForces
 from pdhpc.peridynamics.view import View
 from pdhpc.scene.body import kinds_by_body, make_body, radius_of, select
 from pdhpc.scene.build import build
+from pdhpc.scene.clearance import check_clear_of
 from pdhpc.scene.gauges import make_gauges
 from pdhpc.scene.interactions import contact_distance, contact_modulus, penalty, sizes_of, stiffer_step
 from pdhpc.scene.mesh_rules import unused
@@ -235,6 +236,7 @@ def _sampled(scene, body, family):
         for ids, points in _slabs(lattice):
             particles, bonds = particles + len(points), bonds + len(points) * whole
             numbers = np.full(len(points), lattice_number)
+            check_clear_of(scene, lattice_number, lattice, ids, points)
             names = {name for name in names if not select(scene, body, name, points, numbers, ids).any()}
     if names:
         raise scene.error("region", f'"{sorted(names)[0]}", which selects no particle', "a region that holds at least one")

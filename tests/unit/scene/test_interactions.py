@@ -107,8 +107,11 @@ def test_a_particle_of_a_table_against_one_of_a_lattice(tmp_path):
 
 def test_an_impactor_is_as_stiff_as_a_layer_of_what_it_meets(tmp_path):
     """A plane that enters a particle of side a by e pushes it with V E e/a^2: 1 at side 1, 4 times V at side 1/2."""
-    problem, (impact,) = met(tmp_path, PLANE_TABLE.replace("-9.0", "0.0"))
+    problem, (impact,) = met(tmp_path, PLANE_TABLE)
     particles = problem.subdomain.particles
+    particles.displacement[:, 1] -= 9.0
+    particles.place()
+    impact.watch.restart()
     force = np.zeros_like(particles.force_density)
     impact.add_to(force, 0.0, 0)
     by_volume = dict(zip(particles.volume, force[:, 1]))
@@ -121,3 +124,18 @@ def test_the_largest_particles_count_in_the_critical_step(tmp_path):
     modulus = lambda horizon: 15 * 9 / (math.pi * horizon**3) / horizon
     expected = max(modulus(2.5) * 0.25, modulus(2.75), modulus(3.0))
     assert problem.critical_dt == pytest.approx(math.sqrt(2 / (2 * expected)), rel=1e-9)
+
+
+def test_bodies_nearer_than_the_distance_of_contact_store_nothing_at_the_start():
+    """Centres 1.1 apart, below 1.35: they repel from 0.9 x 1.1 on, so that contact takes no energy from where it was drawn."""
+    other = '[[body]]\nname = "b"\nmaterial = "solid"\nshape = "box"\nlower = [3.1, -2.0]\nupper = [6.1, 2.0]\n[[interface]]\nbodies = ["body", "b"]\nbonds = "none"\n'
+    problem = problem_of(plate((6, 4), kinematics="finite", extra=other + "[contact]\n"))
+    stepper, particles = problem.stepper(), problem.subdomain.particles
+    force = np.zeros_like(particles.force_density)
+    contact = stepper.conditions.interactions[0]
+    contact.add_to(force, 0.0, 0)
+    assert contact.near_pairs > 0 and not force.any() and not contact.ledger()["contact_energy"].any()
+    particles.displacement[particles.slots[particles.owned(particles.reference)[:, 0] > 3.0], 0] = -0.2
+    particles.place()
+    contact.add_to(force, 0.0, 0)
+    assert force.any(), "pressed to 0.9, it does"
