@@ -14,6 +14,9 @@ MESH = "[mesh]\ncell_size = 1.0\n"
     ("[contact]\n", "linear", [], ['particles.kinematics = "linear" with contact', '"finite"']),
     (PLANE, "linear", [], ["with impactor", '"finite"']),
     ("[contact]\n" + FINE, "finite", [], ['time.method = "mts" with contact', '"single"']),
+    ("[contact]\n", "finite", ["time.method=newton"], ['contact = a table with time.method = "newton"', "brought to rest"]),
+    (PLANE, "linear", ["time.method=relaxation"], ['impactor = one or more tables with time.method = "relaxation"', "brought to rest"]),
+    ("[contact]\ndistance = 3.1\n", "finite", [], ["contact.distance = 3.1", "up to the largest horizon, 3 m", "inside a whole body"]),
     (PLANE + MESH, "finite", ["model=fem"], ['impactor = one or more tables with model = "fem"', 'only model = "particles"']),
     ("[contact]\ndamping = 0.6\n", "finite", [], ["contact.damping = 0.6", "from 0 to 0.5"]),
     (PLANE + PLANE, "finite", [], ["impactor[1]: name", "no other impactor has"]),
@@ -27,5 +30,6 @@ def test_what_is_refused(extra, kinematics, overrides, words):
 
 
 def test_what_is_allowed():
+    parse_scene(plate((6, 4), kinematics="finite", extra="[contact]\ndistance = 3.0\n"), "f")
     parse_scene(plate((6, 4), kinematics="finite", extra="[contact]\n" + FINE), "f", ["time.method=single"])
     parse_scene(plate((6, 4), kinematics="finite", extra=PLANE + PROBE.format(name="q") + '[[curve]]\nname = "c"\nx = "p.position_y"\ny = "p.force_y"\n'), "f")
