@@ -182,10 +182,20 @@ def _needs_cloud(scene, by_pair):
     if scene.particles.surface_correction != "none":
         return "each bond has its own surface correction"
     if by_pair:
-        return "horizons differ, or spacings, or an interface has no bonds"
+        return _why_by_pair(scene)
     if scene.material[0].failure == "energy" and scene.material[0].model == "lps":
         return "bonds of lps break by their energy"
     return None
+
+
+def _why_by_pair(scene):
+    """Return why the family radii of a scene differ between pairs of bodies."""
+    settings = [setting_of(scene, body) for body in scene.body]
+    reasons = [f"{word} of bodies differ" for word, key in (("horizons", "horizon"), ("spacings", "spacing")) if len({getattr(each, key) for each in settings}) > 1]
+    parted = [interface.bodies for interface in scene.interface if interface.bonds == "none"]
+    if parted:
+        reasons.append(f"the interface of '{parted[0][0]}' and '{parted[0][1]}' has no bonds")
+    return " and ".join(reasons)
 
 
 def make_shape(table):

@@ -45,7 +45,7 @@ def test_one_horizon_is_one_kind_and_one_radius():
 
 def test_horizons_that_differ_are_kinds_of_their_own():
     body = two_bodies(overrides=["body.other.horizon=4.0"])
-    assert body.path.startswith("cloud: horizons differ") and np.allclose(body.reach, [[3.5, 4.0], [4.0, 4.5]])
+    assert body.path == "cloud: horizons of bodies differ" and np.allclose(body.reach, [[3.5, 4.0], [4.0, 4.5]])
     assert [setting.horizon for _, setting in body.kinds] == [3.0, 4.0] and body.blocks == {(0, True): 0, (1, True): 1}
     assert body.law.weighting.horizon.tolist() == [[3.0, 3.5], [3.5, 4.0]]
 
@@ -55,6 +55,7 @@ def test_an_interface_without_bonds():
 
     words = '[[interface]]\nbodies = ["other", "body"]\nbonds = "none"\n'
     body = two_bodies(words)
+    assert body.path == "cloud: the interface of 'other' and 'body' has no bonds"
     assert np.allclose(body.reach, [[3.5, 0.0], [0.0, 3.5]]) and isinstance(body.law.weighting, Weighting)
     problem, apart = problem_of(plate((6, 4), extra=SECOND + words)), problem_of(plate((6, 4)), ["particles.path=cloud"])
     assert problem.subdomain.bonds.n_directed == 2 * apart.subdomain.bonds.n_directed
@@ -67,7 +68,7 @@ def test_a_spacing_of_its_own_enters_the_volume_correction():
     """Families end at horizon + spacing/2, of a pair at the mean of both; without correction, and with the conical influence, spacings do not matter."""
     scene = parse_scene(plate((6, 4), extra=FINER), "t")
     body = make_body(scene)
-    assert body.path.startswith("cloud") and len(body.kinds) == 2
+    assert body.path == "cloud: spacings of bodies differ" and len(body.kinds) == 2
     assert body.reach == pytest.approx(np.array([[3.5, 3.375], [3.375, 3.25]])) and radius_of(scene) == body.reach[0, 0]
     assert np.diag(body.law.weighting.ramp_slope).tolist() == [1.0, 2.0]
     for override in ("particles.volume_correction=none", "particles.influence=conical"):
