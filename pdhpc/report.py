@@ -4,6 +4,7 @@ import math
 from rich.console import Console
 from rich.table import Table
 
+_BODIES = 12  # that `check` lists
 
 
 def print_summary(record, directory, pictures):
@@ -116,6 +117,7 @@ def print_check(scene, ranks):
     print_rows([
         ("scene", scene.title or scene.source),
         ("particles", f"{found.particles:,}"),
+        *_amount_rows(found.bodies),
         ("path", found.path),
         ("bonds", f"{about}{found.bonds:,} (at most {found.neighbours} neighbours)"),
         *(("critical stretch", f"{material}: {text}") for material, text in found.critical_stretch),
@@ -126,6 +128,15 @@ def print_check(scene, ranks):
     ])
     for warning in found.warnings:
         print(f"warning: {warning}")
+
+
+def _amount_rows(bodies):
+    """Return rows that say what bodies hold, and what was drawn, of the first of many."""
+    rows = []
+    for each in bodies[:_BODIES]:
+        drawn = "" if each.drawn_volume is None else f"; drawn {each.drawn_volume:.6g} m^3"
+        rows.append((f"body {each.name}", f"{each.particles:,} particles, {each.volume:.6g} m^3, {each.mass:.6g} kg{drawn}"))
+    return rows + ([("", f"and {len(bodies) - _BODIES} bodies more")] if len(bodies) > _BODIES else [])
 
 
 def _step_rows(found):

@@ -3,12 +3,14 @@ from pdhpc.geometry import cracks
 from pdhpc.peridynamics.bonds import cut_by_cracks
 from pdhpc.peridynamics.velocity_verlet import VelocityVerlet
 from pdhpc.scene.body import make_body
+from pdhpc.scene.amounts import amounts_of
 from pdhpc.scene.clearance import check_clear
 from pdhpc.scene.conditions import make_conditions, select_particles, set_initial_state
 from pdhpc.scene.interactions import make_interactions, stiffer_step
 from pdhpc.scene.parts import make_part, partition_of
 from pdhpc.scene.problem import Problem
 from pdhpc.scene.regions import make_regions
+from pdhpc.scene.remarks import remarks_on
 from pdhpc.scene.sections import section
 from pdhpc.scene.static import static_problem
 from pdhpc.scene.steps import choose_step
@@ -40,11 +42,15 @@ def _build_particles(scene, comm):
         return _build_regions(scene, body, comm)
     part = make_part(scene, body, comm, partition_of(scene, body, comm))
     _furnish(scene, body, [part], comm)
+    remarks = remarks_on(scene, body, amounts_of(scene, body, [part], comm))
     if scene.stands_still:
-        return static_problem(scene, body, part, comm)
+        problem = static_problem(scene, body, part, comm)
+        problem.warnings += remarks
+        return problem
     check_clear(scene, body, part, comm)
     critical = stiffer_step(scene, body, part.critical_dt)
     dt, n_steps, warnings = choose_step(scene, critical)
+    warnings += remarks
     if scene.fine is not None:
         warnings.append('[fine] is not used: time.method = "single" takes one step for the whole body')
 
@@ -69,7 +75,7 @@ def _build_regions(scene, body, comm):
         m = chosen  # the shares of the ranks depend on it
     if "error" in scene.time.model_fields_set and scene.fine.step_ratio != "auto":
         warnings.append('time.error is not used: fine.step_ratio is given, not "auto"')
-    warnings += regions.check(dt)
+    warnings += regions.check(dt) + remarks_on(scene, body, amounts_of(scene, body, regions.parts, comm))
     critical = min(part.critical_dt_of(comm) for part in regions.parts)
     return Problem(scene, body, regions.parts, critical, dt, m, n_steps, warnings, regions.stepper, regions)
 

@@ -5,8 +5,11 @@ from typing import Callable, List, Optional
 import numpy as np
 
 from pdhpc.observers.coupling import Coupling, CouplingGuard
+from pdhpc.observers.impactors import ImpactorGauge
 from pdhpc.parallel.comm import largest
+from pdhpc.scene.amounts import amounts_of
 from pdhpc.scene.body import Body, select
+from pdhpc.scene.settings import contact_values, impactor_values, strengths
 from pdhpc.scene.parts import Part
 from pdhpc.scene.regions import Regions
 
@@ -96,6 +99,8 @@ class Problem(Uncoupled):
             "bonds": n_bonds // 2,
             "path": self.body.path,
             "neighbours_largest": int(largest(comm, max(int(part.subdomain.bonds.family_size.max(initial=0)) for part in self.parts))),
+            "bodies": [each._asdict() for each in amounts_of(self.scene, self.body, self.parts, comm)],
+            "materials": strengths(self.body),
         }
 
     def work(self, stepper, comm, seconds):
@@ -113,15 +118,23 @@ class Problem(Uncoupled):
             "bytes_sent_per_step": int(comm.allreduce(stepper.bytes_sent)),
             "bond_imbalance": float(per_rank[:, 0].max() / max(per_rank[:, 0].mean(), 1)),
             **self._contact(comm),
+            **self._impactors(stepper, comm),
         }
 
     def _contact(self, comm):
-        """Return what run.json says of contact: lists made, near pairs (each counted at both ends) and ghosts of the last one; nothing without. Collective."""
+        """Return what run.json says of contact: what "auto" is, lists made, near pairs (each counted at both ends), ghosts of the last one; nothing without. Collective."""
         if self.scene.contact is None:
             return {}
         contact = self.conditions.interactions[0]
         pairs, ghosts = (int(number) for number in comm.allreduce(np.array([contact.near_pairs, contact.ghosts])))
-        return {"contact": {"lists_made": contact.lists_made, "near_pairs": pairs, "ghosts": ghosts}}
+        return {"contact": {**contact_values(self.scene, self.body), "lists_made": contact.lists_made, "near_pairs": pairs, "ghosts": ghosts}}
+
+    def _impactors(self, stepper, comm):
+        """Return what run.json says of impactors: where they are, how fast, the force of the body on them, and their stiffness; nothing without. Collective."""
+        if not self.scene.impactor:
+            return {}
+        return {"impactors": [{**ImpactorGauge(comm, table.name, self.scene.dim).vectors(stepper), "stiffness": impactor_values(self.scene, self.body, table)}
+                              for table in self.scene.impactor]}
 
     def coupling(self, stepper, comm):
         """Return the gauge of what couples the regions, or None. Collective."""

@@ -1,4 +1,5 @@
 """Shapes of bodies, holes and regions as tables of the scene."""
+import math
 from typing import Annotated, ClassVar, List, Literal, Optional, Union
 
 from pydantic import Field
@@ -7,13 +8,16 @@ from pdhpc.scene.fields import AutoOrRatio, Integer, Listed, Matrix, Name, Posit
 
 
 class ShapeTable(Table):
-    """A table that holds a shape; check(dim) raises a Rule, bounding_box() returns (lower, upper)."""
+    """A table that holds a shape; check(dim) raises a Rule, bounding_box() returns (lower, upper), measure() its volume (2D: area)."""
 
     def check(self, dim):
         """Raise a Rule when the shape is impossible in `dim` dimensions."""
 
     def bounding_box(self):
         """Return (lower, upper), m."""
+
+    def measure(self):
+        """Return the volume in m^3, in 2D the area in m^2, or None without a closed form."""
 
 
 def only_in(dimension, dim, word, kind, instead):
@@ -40,6 +44,10 @@ class BoxShape(ShapeTable):
         """Return (lower, upper), m."""
         return list(self.lower), list(self.upper)
 
+    def measure(self):
+        """Return the product of its sides."""
+        return math.prod(high - low for low, high in zip(self.lower, self.upper))
+
 
 class _Round(ShapeTable):
     center: Vector = key("centre", "m")
@@ -60,6 +68,10 @@ class DiskShape(_Round):
         only_in(2, dim, "shape", "disk", "box, sphere or cylinder")
         check_vector("center", self.center, dim)
 
+    def measure(self):
+        """Return pi R^2."""
+        return math.pi * self.radius**2
+
 
 class SphereShape(_Round):
     """Ball in 3D."""
@@ -70,6 +82,10 @@ class SphereShape(_Round):
         """Raise a Rule in 2D."""
         only_in(3, dim, "shape", "sphere", "box or disk")
         check_vector("center", self.center, dim)
+
+    def measure(self):
+        """Return 4/3 pi R^3."""
+        return 4 / 3 * math.pi * self.radius**3
 
 
 class CylinderShape(ShapeTable):
@@ -90,6 +106,10 @@ class CylinderShape(ShapeTable):
             raise Rule("end", self.end, "a point other than start")
         if self.inner_radius is not None and self.inner_radius >= self.radius:
             raise Rule("inner_radius", self.inner_radius, f"a number above 0 and below radius = {self.radius}")
+
+    def measure(self):
+        """Return pi (R^2 - R_bore^2) times its length."""
+        return math.pi * (self.radius**2 - (self.inner_radius or 0.0) ** 2) * length(self.axis())
 
     def axis(self):
         """Return the vector from start to end, m."""

@@ -18,10 +18,12 @@ from pdhpc.peridynamics.internal_forces import InternalForces
 from pdhpc.peridynamics.view import View
 from pdhpc.scene.body import kinds_by_body, make_body, radius_of, select
 from pdhpc.scene.build import build
+from pdhpc.scene.amounts import Amount, amount, amounts_of
 from pdhpc.scene.clearance import check_clear_of
 from pdhpc.scene.gauges import make_gauges
 from pdhpc.scene.interactions import contact_distance, contact_modulus, penalty, sizes_of, stiffer_step
 from pdhpc.scene.mesh_rules import unused
+from pdhpc.scene.remarks import remarks_on
 from pdhpc.scene.regions import finite_margin, ratio_for, split_of
 from pdhpc.scene.static import load_path
 from pdhpc.scene.steps import choose_step
@@ -77,6 +79,7 @@ class Estimate(NamedTuple):
     undivided_dt: float  # critical step of the body as one
     contact: List[Tuple[str, str]]  # what "auto" is for contact and impactors; none without
     evaluations: int = 0  # of forces in an equilibrium of bodies that stand still
+    bodies: List[Amount] = []
 
 
 def estimate(scene, ranks=None):
@@ -92,9 +95,10 @@ def estimate(scene, ranks=None):
     exact = cells * family <= _SMALL
     whole = scene if scene.stands_still else scene.model_copy(update={"time": scene.time.model_copy(update={"method": "single"}), "fine": None})
     if exact:
-        particles, bonds, neighbours, critical, warnings = _built(whole, ranks)
+        amounts, bonds, neighbours, critical, warnings = _built(whole, ranks)
     else:
-        particles, bonds, neighbours, critical, warnings = _sampled(whole, body, family)
+        amounts, bonds, neighbours, critical, warnings = _sampled(whole, body, family)
+    particles = sum(each.particles for each in amounts)
     regions, m, overlap, evaluations = [], 1, 0, 0
     if scene.stands_still:
         path = load_path(scene, body)
@@ -111,9 +115,10 @@ def estimate(scene, ranks=None):
     if scene.contact is not None:
         seconds += _CONTACT_SECONDS * particles * steps / ranks
     stretch = critical_stretches(scene, body)
+    warnings = list(dict.fromkeys(unused(scene) + warnings + remarks_on(scene, body, amounts) + more))
     smallest = min([critical, *(region.critical_dt for region in regions)])
-    return Estimate(exact, particles, bonds, neighbours, stretch, smallest, dt, steps, ranks, memory, rate, seconds, unused(scene) + warnings + more, body.path, regions, m,
-                    overlap, critical, contact_settings(scene, body), evaluations)
+    return Estimate(exact, particles, bonds, neighbours, stretch, smallest, dt, steps, ranks, memory, rate, seconds, warnings, body.path, regions, m, overlap, critical,
+                    contact_settings(scene, body), evaluations, amounts)
 
 
 def _evaluations(scene, body, path, critical):
@@ -223,24 +228,27 @@ def _built(scene, ranks):
     make_gauges(problem, View(problem.subdomain, problem.body.law), MPI.COMM_SELF)
     bonds = problem.subdomain.bonds
     warnings = [] if ranks <= problem.subdomain.particles.n_owned else [f"{ranks} ranks for {problem.subdomain.particles.n_owned} particles: some own nothing"]
-    return problem.subdomain.particles.n_owned, bonds.n_directed // 2, int(bonds.family_size.max(initial=0)), critical, warnings + (problem.warnings if scene.stands_still else [])
+    return amounts_of(scene, problem.body, problem.parts, MPI.COMM_SELF), bonds.n_directed // 2, int(bonds.family_size.max(initial=0)), critical, warnings + (problem.warnings if scene.stands_still else [])
 
 
 def _sampled(scene, body, family):
     """Count particles slab by slab, check that every region holds one, and take bonds and step from whole families."""
     names = {name for name in _region_names(scene) if name != "all"}
-    particles = bonds = 0
+    amounts, bonds = [], 0
     own = np.diag(np.broadcast_to(body.reach, (len(body.lattices),) * 2))
     for lattice_number, lattice in enumerate(body.lattices):
         whole = family_size(scene.dim, own[lattice_number] / lattice.spacing)
+        particles = 0
         for ids, points in _slabs(lattice):
             particles, bonds = particles + len(points), bonds + len(points) * whole
             numbers = np.full(len(points), lattice_number)
             check_clear_of(scene, lattice_number, lattice, ids, points)
             names = {name for name in names if not select(scene, body, name, points, numbers, ids).any()}
+        volume = float(lattice.volume.sum()) if isinstance(lattice, PointBody) else particles * body.volumes[lattice_number]
+        amounts.append(amount(scene, body, lattice_number, particles, volume))
     if names:
         raise scene.error("region", f'"{sorted(names)[0]}", which selects no particle', "a region that holds at least one")
-    return particles, bonds // 2, family, stiffer_step(scene, body, _family_step(scene, body)), []
+    return amounts, bonds // 2, family, stiffer_step(scene, body, _family_step(scene, body)), []
 
 
 def _region_names(scene):

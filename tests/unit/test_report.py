@@ -33,6 +33,13 @@ def test_summary_of_a_coupled_run(capsys):
         assert words in text
 
 
+def test_check_lists_what_bodies_hold_and_stops_at_a_dozen(capsys):
+    many = "".join(f'[[body]]\nname = "b{k}"\nmaterial = "solid"\nshape = "box"\nlower = [{20 * k}.0, 0.0]\nupper = [{20 * k + 2}.0, 2.0]\n' for k in range(1, 14))
+    report.print_check(parse_scene(plate((4, 4), extra=many), "t"), 1)
+    said = capsys.readouterr().out
+    assert "16 particles, 16 m^3, 16 kg; drawn 16 m^3" in said and "b11" in said and "b12" not in said and "and 2 bodies more" in said
+
+
 def test_check_counts_the_pieces_of_a_mesh(capsys, comm):
     from tests.unit.scene.test_mesh_rules import FEM, SECOND
 

@@ -131,3 +131,14 @@ def test_equilibria_are_estimated_without_a_critical_step(monkeypatch, method, s
     assert taken / 4 < found.evaluations < 4 * taken
     assert found.steps == 5 and found.dt == pytest.approx(0.2) and found.seconds > 0 and not found.regions
     assert found.memory > estimate(parse_scene(text, "t", ["time.method=single"])).memory
+
+
+@pytest.mark.parametrize("small", [True, False])
+def test_bodies_and_remarks_whether_it_builds_or_samples(small, monkeypatch):
+    """The disk of radius 1.9 holds 12 cells of 1 x 1, 5.8 % more than its area."""
+    if not small:
+        monkeypatch.setattr(module, "_SMALL", 0)
+    disk = '[[body]]\nname = "d"\nmaterial = "solid"\nshape = "disk"\ncenter = [20.0, 0.0]\nradius = 1.9\n'
+    found = module.estimate(parse_scene(plate((12, 10), extra=disk), "t"), 1)
+    assert [each[:4] for each in found.bodies] == [("body", 120, 120.0, 120.0), ("d", 12, 12.0, 12.0)] and found.particles == 132
+    assert [each for each in found.warnings if "body 'd': its 12 particles" in each] == found.warnings
