@@ -40,7 +40,7 @@ def _parser():
     restart.set_defaults(action=_restart)
     check = commands.add_parser("check", help="say what a scene would do, without running it")
     check.add_argument("scene", metavar="SCENE", nargs="?")
-    check.add_argument("--explain", action="store_true", help="print every key: value, given or default, unit, meaning, source")
+    check.add_argument("--explain", action="store_true", help="print every key: value, given, default or absent, unit, meaning, source; without a scene all that scenes know")
     check.add_argument("--schema", action="store_true", help="print the JSON schema of scenes, for editors")
     check.add_argument("--ranks", type=int, default=None, metavar="N", help="number of ranks to estimate for (default: this job's)")
     _add_set(check)
@@ -178,11 +178,14 @@ def _check(options):
 
         print(json.dumps(explain.json_schema(), indent=2))
         return 0
+    from pdhpc import report
     from pdhpc.scene.read import SceneError, read_scene
 
     if options.scene is None:
-        raise SceneError("pdhpc check: no scene given; allowed is a scene file (or --schema)")
-    from pdhpc import report
+        if options.explain and not options.overrides:
+            report.print_explanation(explain.explain_all())
+            return 0
+        raise SceneError("pdhpc check: no scene given; allowed is a scene file (or --explain or --schema alone)")
 
     if options.ranks is not None and options.ranks < 1:
         raise SceneError(f"pdhpc check: --ranks = {options.ranks}; allowed is a whole number of at least 1")

@@ -3,6 +3,7 @@ from typing import NamedTuple
 
 from pdhpc.scene.fields import Table, printable
 from pdhpc.scene.schema import Scene
+from pdhpc.scene.vocabulary import Place, keys, members, tag
 
 
 class Row(NamedTuple):
@@ -17,8 +18,34 @@ class Row(NamedTuple):
 
 
 def explain(scene):
-    """Return a Row for every key of the scene, given and default, in the order of the schema."""
-    return list(_rows(scene, scene.resolved(), ""))
+    """Return a Row for every key of the scene, given and default, in the order of the schema; after a table that is absent its keys, with that as origin."""
+    rows = list(_rows(scene, scene.resolved(), ""))
+    for name, field in Scene.model_fields.items():
+        if members(field.annotation) and not getattr(scene, name):
+            at = next(number for number, row in enumerate(rows) if row.key == name)
+            rows[at + 1 : at + 1] = [row._replace(origin="absent") for row in _keys([Scene], "") if row.key.startswith((f"{name}.", f"{name}[]."))]
+    return rows
+
+
+def explain_all():
+    """Return a Row for every key that a scene can hold: its default, and whether it is required; entries of lists as name[]."""
+    return list(_keys([Scene], ""))
+
+
+def _keys(models, prefix):
+    """Yield a Row for each key of the Table models of which one stands at a place."""
+    for name in keys(models):
+        fields = [model.model_fields[name] for model in models if name in model.model_fields]
+        below = members(fields[0].annotation)
+        if below:
+            is_list = isinstance(fields[0].get_default(call_default_factory=True), list) or Place((), fields[0].annotation, None).is_list
+            yield from _keys(below, f"{prefix}{name}{'[]' if is_list else ''}.")
+            continue
+        given = [f"{tag(model)[1]}: " if tag(model)[0] == name else "" for model in models if name in model.model_fields]
+        meanings = "; ".join(dict.fromkeys(word + field.description for word, field in zip(given, fields)))
+        default = None if fields[0].is_required() else fields[0].get_default(call_default_factory=True)
+        extra = fields[0].json_schema_extra
+        yield Row(f"{prefix}{name}", _write(default), "required" if fields[0].is_required() else "default", extra["unit"], meanings, extra["source"])
 
 
 def _rows(table, resolved, prefix):

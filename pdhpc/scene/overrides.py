@@ -12,7 +12,8 @@ try:
 except ModuleNotFoundError:  # Python < 3.11
     import tomli as tomllib
 
-_FORM = "section.key=value, with entries of lists by index or by name"
+_FORM = "section.key=value, with entries of lists by index from 0, as load.1 or load[1], or by name"
+_INDEX = re.compile(r"\[\s*([0-9]{1,9})\s*\]")
 _OPENERS = tuple("[{\"'")  # of values of TOML that are not bare
 
 
@@ -23,7 +24,8 @@ class BadOverride(SceneError):
 def apply(data, override):
     """Set one key in the tables `data` from "section.key=value" and return its path of keys and list indices.
 
-    The value is TOML; anything else is taken as a text, unless it opens a list, table or string. Entries of lists are given by index or by their name.
+    The value is TOML; anything else is taken as a text, unless it opens a list, table or string. Entries of lists are given by index from 0, as load.1 or
+    load[1], or by their name.
 
     Raises
     ------
@@ -32,9 +34,11 @@ def apply(data, override):
     if any(0xD800 <= ord(each) < 0xE000 for each in override):
         raise _bad(override, "it is not UTF-8", "a text in UTF-8")
     left, equals, text = override.partition("=")
-    words = [word.strip() for word in left.split(".")]
+    words = [word.strip() for word in _INDEX.sub(r".\1", left).split(".")]
     if not equals or not all(words):
         raise _bad(override, "it does not say what to set", _FORM)
+    if any(set(word) & set("[]") for word in words):
+        raise _bad(override, "an index is a whole number of at least 0", _FORM)
     value = _parse(text.strip(), override)
     target, path = data, ()
     for word in words[:-1]:

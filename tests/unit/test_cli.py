@@ -163,6 +163,9 @@ def test_check_explain_and_schema(tmp_path):
     assert json.loads(pdhpc("check", "--schema").stdout)["properties"]["particles"]
     is_one_sentence(pdhpc("check", scene, "--set", "body.body.material=wood"), "wood", "material")
     is_one_sentence(pdhpc("check"), "no scene given")
+    every = pdhpc("check", "--explain")
+    assert every.returncode == 0 and "contact.distance" in every.stdout and "impactor[].mass" in every.stdout
+    assert "absent" in done.stdout and "static.tolerance" in done.stdout
     is_one_sentence(pdhpc("check", scene, "--ranks", "-2"), "--ranks", "-2")
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from pdhpc.scene import vocabulary
-from pdhpc.scene.explain import explain, json_schema
+from pdhpc.scene.explain import explain, explain_all, json_schema
 from pdhpc.scene.read import parse_scene, read_scene
 from pdhpc.scene.shapes import BandFine, BoxFine, SphereFine
 from pdhpc.scene.schema import Scene
@@ -65,12 +65,27 @@ def test_the_scenes_hold_every_table_of_the_language():
 @pytest.mark.parametrize("path", EVERYTHING, ids=lambda path: path.stem)
 def test_every_key_of_every_table_is_explained(path):
     scene = read_scene(path)
-    rows = explain(scene)
+    rows = [row for row in explain(scene) if row.origin != "absent"]
     found = [row.key for row in rows]
     assert len(found) == len(set(found)) and set(leaves(scene.resolved())) <= set(found)
     plain = sum(1 for table in tables_of(scene) for name in type(table).model_fields if not holds_tables(getattr(table, name)))
     assert len(found) == plain
     assert all(row.meaning and row.origin in ("given", "default") for row in rows)
+
+
+def test_keys_of_absent_tables_are_there_too_and_marked_so():
+    rows = {row.key: row for row in explain(read_scene(HERE / "everything_2d.toml"))}
+    assert rows["contact.distance"][1:4] == ("auto", "absent", "m") and rows["static.tolerance"].origin == "absent" and rows["time.end"].origin == "given"
+    assert rows["impactor[].shape"].value == "-" and "sphere: rigid sphere, 3D; cylinder: " in rows["impactor[].shape"].meaning
+    assert not [key for key in rows if key.startswith("particles[") or key.startswith("load[]")], "those that are there stand under their names"
+
+
+def test_all_keys_of_the_language_without_a_scene():
+    found = {row.key: row for row in explain_all()}
+    names = {name for model in all_models() for name, field in model.model_fields.items() if not vocabulary.members(field.annotation)}
+    assert {re.sub(r"\[\]", "", key).split(".")[-1] for key in found} == names and len(found) > 150
+    assert found["particles.spacing"].origin == "required" and found["particles.path"][1:3] == ("auto", "default")
+    assert "load[].time.function" in found and "body[].hole[].radius" in found and all(row.meaning for row in found.values())
 
 
 def holds_tables(value):

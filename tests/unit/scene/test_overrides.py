@@ -12,6 +12,10 @@ def scene():
     (" time . end = 2 ", ("time", "end"), 2),
     ("load.pull.value=[3, 4]", ("load", 0, "value"), [3, 4]),
     ("load.1.value=[3, 4]", ("load", 1, "value"), [3, 4]),
+    ("load[1].value=[3, 4]", ("load", 1, "value"), [3, 4]),
+    (" load[ 1 ].value [0] = 7", ("load", 1, "value", 0), 7),
+    ("load[0].time.function=ramp", ("load", 0, "time", "function"), "ramp"),
+    ("load.pull.face=a[1]", ("load", 0, "face"), "a[1]"),
     ("load.pull.value.1=free", ("load", 0, "value", 1), "free"),
     ("load.pull={type = \"gravity\"}", ("load", 0), {"type": "gravity"}),
     ("load.pull.time.function=ramp", ("load", 0, "time", "function"), "ramp"),  # a missing table is made
@@ -35,6 +39,7 @@ def test_overrides_set_values(override, path, value):
     ("time.end", "section.key=value"), ("=3", "section.key=value"), ("..=1", "section.key=value"), ("time..end=1", "section.key=value"),
     ("load.pul.value=1", 'load has no entry "pul"; allowed is an index below 2 or one of pull (did you mean "pull"?)'),
     ("load.2.value=1", "an index below 2"), ("load.-1.value=1", "an index below 2"), ("load.\u00b2.value=1", "an index below 2"), ("load.pull.value.5=1", "an index below 2"),
+    ("load[-1].value=1", "whole number of at least 0"), ("load[x].value=1", "load[1]"), ("load[2].value=1", "an index below 2"),
     ("curve.0.x=a", "the scene has no [[curve]]"),
     ("time.end.deep=1", "time.end holds no keys"),
     ("time.end=[1", "[1 is not a TOML value"), ('title="a', "is not a TOML value"), ("time.end=1\ntitle=2", "is not a TOML value"),
