@@ -254,11 +254,23 @@ def _view_of(options, scene):
             view["cut"] = "xyz".index(axis.strip() or "?"), float(place)
         except ValueError:
             raise refuse("--cut", f'"{options.cut}"', "an axis and a place in m, such as x=0.01") from None
+        if count:
+            _check_cut(options, refuse, *view["cut"])
     if options.above is not None:
         if not 0.0 < options.above <= 1.0:
             raise refuse("--above", options.above, "a damage above 0 and up to 1")
         view["above"] = options.above
     return view
+
+
+def _check_cut(options, refuse, axis, place):
+    """Raise what `refuse` makes of a plane that does not cut the unloaded body."""
+    from pdhpc.output.pixels import Body
+
+    body = Body(options.directory)
+    lower, upper = body.lower[axis], body.upper[axis]
+    if not lower <= place <= upper:
+        raise refuse("--cut", f'"{options.cut}"', f"a place in the body, {lower:.6g} to {upper:.6g} m along {'xyz'[axis]}")
 
 
 def _scale(options):

@@ -1,9 +1,12 @@
 """What all pictures share: figures in a body's proportions, units, titles, and files written whole or not at all."""
+import json
+import textwrap
 from pathlib import Path
 
 import numpy as np
 
 INK, PAPER = "#1b1f24", "white"
+_LINE = 64  # characters of a title in a line, which leaves room for what pictures add
 
 
 def planes_of(body):
@@ -85,13 +88,26 @@ def time_text(time):
 
 
 def title_of(directory):
-    """Return the title of the run, or the folder's name."""
-    import json
+    """Return the title of the run, or the folder's name, in at most two lines that fit on a picture."""
+    title = _record_of(directory).get("title") or Path(directory).name
+    return "\n".join(textwrap.wrap(title, _LINE, max_lines=2, placeholder=" ...")) or title
 
+
+def time_axis(directory, last):
+    """Return (label, factor) of an axis of times up to `last`, s; bodies that stand still follow a load path, whose time is a parameter."""
+    record = _record_of(directory)
+    if "equilibrium" in record or record.get("integration") == "static":
+        return "load parameter: time of the load path [s]", 1.0
+    unit, factor = next(((unit, factor) for unit, factor in (("s", 1.0), ("ms", 1e3)) if last * factor >= 1.0), ("µs", 1e6))
+    return f"time [{unit}]", factor
+
+
+def _record_of(directory):
+    """Return the record of a run, run.json; nothing where it cannot be read."""
     try:
-        return json.loads((Path(directory) / "run.json").read_text())["title"] or Path(directory).name
-    except (OSError, ValueError, KeyError):
-        return Path(directory).name
+        return json.loads((Path(directory) / "run.json").read_text())
+    except (OSError, ValueError):
+        return {}
 
 
 def save(figure, path):

@@ -9,7 +9,7 @@ import numpy as np
 
 from pdhpc.output.enrichment_picture import draw_enrichment
 from pdhpc.output.fields import frame_times
-from pdhpc.output.figure import INK, PAPER, dress, figure_of, length_unit, planes_of, rounded, save, squares, time_text, title_of
+from pdhpc.output.figure import INK, PAPER, dress, figure_of, length_unit, planes_of, rounded, save, squares, time_axis, time_text, title_of
 from pdhpc.output.fracture_picture import View, draw_fracture
 from pdhpc.output.history import read_history
 from pdhpc.output.impactors_picture import draw_outlines, read_impactors
@@ -125,12 +125,14 @@ def _draw_history(directory, curves):
     """Draw energies, tips and curves of history.csv."""
     history = read_history(directory / "history.csv")
     drawn = []
-    time = history.get("time [s]", np.empty(0)) * 1e6
+    time = history.get("time [s]", np.empty(0))
+    label, factor = time_axis(directory, float(np.max(time, initial=0.0)))
+    time = label, factor * time
     energies = [name for name in history if name.endswith("energy [J]") or name in ("external_work [J]", "balance_error [J]")]
-    if energies and len(time) > 1:
+    if energies and len(time[1]) > 1:
         drawn.append(_draw_lines(directory, "energies", "energy [J]", time, {name[:-4].replace("_", " "): history[name] for name in energies}))
     for name in [name[: -len(".speed [m/s]")] for name in history if name.endswith(".speed [m/s]")]:
-        if len(time) > 1:
+        if len(time[1]) > 1:
             drawn.append(_draw_tip(directory, time, name, history))
     for name, x, y in curves:
         drawn.append(_draw_curve(directory, name, x, y, history))
@@ -150,8 +152,8 @@ def _linesfigure(rows=1):
 def _draw_lines(directory, name, label, time, lines):
     figure, (axes,) = _linesfigure()
     for line, values in lines.items():
-        axes.plot(time, values, label=line, linewidth=1.6)
-    axes.set(xlabel="time [µs]", ylabel=label, title=title_of(directory))
+        axes.plot(time[1], values, label=line, linewidth=1.6)
+    axes.set(xlabel=time[0], ylabel=label, title=title_of(directory))
     axes.legend(frameon=False)
     return save(figure, directory / f"{name}.png")
 
@@ -160,11 +162,11 @@ def _draw_tip(directory, time, name, history):
     figure, (upper, lower) = _linesfigure(2)
     for column in [f"{name}.{axis} [m]" for axis in "xyz"]:
         if column in history:
-            upper.plot(time, 1e3 * history[column], label=column.split(".")[1][0], linewidth=1.6)
+            upper.plot(time[1], 1e3 * history[column], label=column.split(".")[1][0], linewidth=1.6)
     upper.set(ylabel="tip position [mm]", title=f"{title_of(directory)}   tip '{name}'")
     upper.legend(frameon=False)
-    lower.plot(time, history[f"{name}.speed [m/s]"], color="#d9480f", linewidth=1.6)
-    lower.set(xlabel="time [µs]", ylabel="tip speed [m/s]")
+    lower.plot(time[1], history[f"{name}.speed [m/s]"], color="#d9480f", linewidth=1.6)
+    lower.set(xlabel=time[0], ylabel="tip speed [m/s]")
     return save(figure, directory / f"tip_{name}.png")
 
 

@@ -67,7 +67,7 @@ def test_views_of_a_3d_body(tmp_path):
     before = (out / "fracture.png").read_bytes()
     viewed = pdhpc("view", out, "--frame", "1", "--from", "20,40", "--cut", "x=1.0", "--above", "0.5")
     assert viewed.returncode == 0 and "fracture.png" in viewed.stdout and (out / "fracture.png").read_bytes() != before
-    for words, wrong in ((("--frame", "9"), "0 to 1"), (("--from", "20"), "two angles"), (("--cut", "w=1"), "an axis and a place"), (("--above", "2"), "up to 1")):
+    for words, wrong in ((("--frame", "9"), "0 to 1"), (("--from", "20"), "two angles"), (("--cut", "w=1"), "an axis and a place"), (("--cut", "x=99"), "m along x"), (("--above", "2"), "up to 1")):
         is_one_sentence(pdhpc("view", out, *words), words[0], wrong)
 
 

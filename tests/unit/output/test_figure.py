@@ -3,7 +3,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from pdhpc.output.figure import beside, crack_colours, figure_of, length_unit, planes_of, rounded, small_unit, squares, time_text, title_of
+from pdhpc.output.figure import beside, crack_colours, figure_of, length_unit, planes_of, rounded, small_unit, squares, time_axis, time_text, title_of
 
 BODY = SimpleNamespace(lower=np.zeros(3), upper=np.array([2.0, 1.0, 0.5]), spacing=0.0, dim=3)
 
@@ -22,6 +22,25 @@ def test_numbers_in_words(tmp_path):
     assert title_of(tmp_path) == tmp_path.name
     (tmp_path / "run.json").write_text(json.dumps({"title": "A plate"}))
     assert title_of(tmp_path) == "A plate"
+
+
+def test_long_titles_take_two_lines_and_end_there(tmp_path):
+    (tmp_path / "run.json").write_text(json.dumps({"title": "A thin plate of glass " * 4}))
+    first, second = title_of(tmp_path).split("\n")
+    assert f"{first} {second}" == ("A thin plate of glass " * 4).strip() and len(first) <= 64
+    (tmp_path / "run.json").write_text(json.dumps({"title": "word " * 100}))
+    lines = title_of(tmp_path).split("\n")
+    assert len(lines) == 2 and all(len(line) <= 64 for line in lines) and lines[1].endswith("word ...")
+
+
+def test_axes_of_time(tmp_path):
+    """Seconds, ms or us by the longest time; of bodies that stand still, and of one static step, the parameter of the load path."""
+    assert [time_axis(tmp_path, last) for last in (2.0, 3e-3, 4e-6)] == [("time [s]", 1.0), ("time [ms]", 1e3), ("time [µs]", 1e6)]
+    for record in ({"equilibrium": {}}, {"integration": "static"}):
+        (tmp_path / "run.json").write_text(json.dumps(record))
+        assert time_axis(tmp_path, 3e-6) == ("load parameter: time of the load path [s]", 1.0)
+    (tmp_path / "run.json").write_text(json.dumps({"integration": "explicit"}))
+    assert time_axis(tmp_path, 1.0) == ("time [s]", 1.0)
 
 
 def test_units_of_small_lengths():

@@ -1,3 +1,5 @@
+import json
+
 import numpy as np
 import pytest
 
@@ -50,3 +52,25 @@ def test_particles_of_a_small_plane_body_are_drawn_where_they_are(tmp_path, comm
     seen.clear()
     draw(tmp_path)
     assert len(next(figure for figure, path in seen if path.name == "deformed.png").axes[0].images) == 1
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_long_titles_stay_in_their_pictures_and_load_paths_have_no_microseconds(tmp_path, comm, monkeypatch, dim):
+    import matplotlib.pyplot as plt
+
+    from pdhpc.output import fracture_picture, picture
+
+    seen = {}
+    for module in (picture, fracture_picture):
+        monkeypatch.setattr(module, "save", lambda figure, path: seen.setdefault(path.name, figure) and path)
+    run_folder(tmp_path, comm, dim)
+    (tmp_path / "run.json").write_text(json.dumps({"title": "Wide words of a title that goes on and on, " * 8, "equilibrium": {}, "scene": {}}))
+    draw(tmp_path, [("load", "g.u [m]", "g.f [N]")])
+    for name, figure in seen.items():
+        figure.canvas.draw()
+        titles = [figure._suptitle] if figure._suptitle is not None else [axes.title for axes in figure.axes[:1]]
+        boxes = [title.get_window_extent() for title in titles]
+        assert all(box.x0 >= 0 and box.x1 <= figure.bbox.x1 and box.width > 300 for box in boxes), name
+    assert seen["energies.png"].axes[0].get_xlabel().startswith("load parameter") and seen["energies.png"].axes[0].lines[0].get_xdata().max() == 3e-6
+    assert seen["tip_tip.png"].axes[1].get_xlabel().startswith("load parameter")
+    plt.close("all")
