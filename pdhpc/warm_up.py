@@ -35,7 +35,7 @@ from pdhpc.parallel.vicinity import Vicinity
 from pdhpc.peridynamics.bonds import cut_by_cracks
 from pdhpc.peridynamics.contact import Contact
 from pdhpc.peridynamics.critical_step import stable_step
-from pdhpc.peridynamics.crowding import find_crowded
+from pdhpc.peridynamics.crowding import find_close, find_crowded
 from pdhpc.peridynamics.equilibrium import LoadPath
 from pdhpc.peridynamics.fields import field, strain_energy_density
 from pdhpc.peridynamics.impact import Impact, depths
@@ -237,6 +237,7 @@ def _compile(dim, path, model, linear, variant):
     else:
         count_neighbours(particles.reference, 1, 2e-3)
         mark_mixed(arrays.row_start, arrays.neighbour, particles.volume, particles.block, points.row_block)
+        find_close(subdomain, particles.volume, np.zeros(len(particles.volume), np.int64))
     cut_by_cracks(subdomain.bonds, points, polyline([[-1.0, -1.0], [-1.0, -2.0]]) if dim == 2 else disk([-1.0] * 3, [1.0, 0, 0], 0.1))
     count_face(arrays, points, particles.third, slots, np.ones(len(particles.position), bool), 0, 1e-3)
     stable_step(subdomain, law)

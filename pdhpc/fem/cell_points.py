@@ -6,7 +6,7 @@ import numpy as np
 
 from pdhpc.fem.elements import ELEMENTS
 from pdhpc.fem.facets import DIM, FACETS, UNIT_CORNERS
-from pdhpc.fem.mesh_file import _FACET_KIND, _check_corners, _find_groups, _flatten, _label_rows, _merge_same, _read_raw, _turn_round
+from pdhpc.fem.mesh_file import _FACET_KIND, _check_corners, _find_groups, _flatten, _label_rows, _merge_same, _read_raw, _turn_round, count_repeated
 from pdhpc.jit import kernel
 
 _TIMES_FILE = 4  # memory while a binary file is read, in sizes of the file
@@ -20,7 +20,7 @@ class CellFile:
 
     Attributes
     ----------
-    dim : of the cells, 2 or 3. count : number of cells. groups : names of all groups. cell_groups : names of those that hold cells.
+    dim : of the cells, 2 or 3. count : number of cells. repeated : of those left out because they stand there twice, see mesh_file.count_repeated. groups : names of all groups. cell_groups : names of those that hold cells.
     """
 
     def __init__(self, path):
@@ -52,9 +52,10 @@ class CellFile:
         number = np.where(used, np.cumsum(used) - 1, -1)
         self._points, self._kinds, self._cells, self._groups = _flatten(points[used], self.dim), kinds, [], []
         groups = _find_groups(raw)
-        tagged = _find_tagged(raw, groups, number, self.dim)
+        tagged, self.repeated = _find_tagged(raw, groups, number, self.dim), 0
         for kind in kinds:
             first, place = _merge_same(cells[kind])
+            self.repeated += count_repeated(first, place, blocks[kind], groups)
             own = number[cells[kind][first]].astype(np.int32)
             _turn_round(kind, self._points, own)
             self._cells.append(own)

@@ -24,6 +24,7 @@ class Mesh:
     vertex_owner : (n_ghost_vertices,) int64, ranks. n_global_cells, n_global_vertices : of the whole mesh; ids may have gaps.
     exchange, cell_exchange : GhostExchange of vertices and of cells.
     regions : {name: (n_cells,) bool}. sets : {name: (n_facets, facet corners) int32}, facets of owned cells on the surface, outward as in FACETS.
+    repeated : cells of its file that were left out, see mesh_file.count_repeated.
     cell_size : (dim,), m, of the one shape that all cells of a box have, else None. counts : (dim,) cells along each axis of the box, or None.
     """
 
@@ -37,7 +38,7 @@ class Mesh:
         self.points, self.vertex_id, self.vertex_owner = share.points, share.vertex_id, share.vertex_owner
         self.n_owned_cells = len(self.cells) - len(self.cell_owner)
         self.n_owned = len(self.points) - len(self.vertex_owner)
-        self.regions, self.sets = regions or {}, sets or {}
+        self.regions, self.sets, self.repeated = regions or {}, sets or {}, 0
         self.cell_size, self.counts = (None, None) if box is None else (box.cell_size, tuple(box.counts))
         self.exchange = GhostExchange(comm, self.vertex_id[: self.n_owned], self.vertex_id[self.n_owned :], self.vertex_owner)
         self.cell_exchange = GhostExchange(comm, self.cell_id[: self.n_owned_cells], self.cell_id[self.n_owned_cells :], self.cell_owner)
@@ -101,4 +102,6 @@ def read_mesh(comm, path):
     whole = None
     with agree_on_error(comm):
         whole = read_file(path) if comm.rank == 0 else None
-    return Mesh(comm, *migrate(comm, whole))
+    mesh = Mesh(comm, *migrate(comm, whole))
+    mesh.repeated = comm.bcast(None if whole is None else whole.repeated)
+    return mesh

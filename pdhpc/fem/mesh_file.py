@@ -31,7 +31,7 @@ class FileMesh(NamedTuple):
 
     kind : of its cells. points : (n_vertices, dim), m, those that a cell touches. vertex_id : (n_vertices,) int64, their places in the file, ascending.
     cells : (n_cells, corners) int32, in the file's order, right-handed. regions : {name: (n_cells,) bool}.
-    sets : {name: (cell, facet)}, (n,) int32 each: facets of the body's surface, places in FACETS.
+    sets : {name: (cell, facet)}, (n,) int32 each: facets of the body's surface, places in FACETS. repeated : cells left out because they stood there before, see count_repeated.
     """
 
     kind: str
@@ -40,6 +40,7 @@ class FileMesh(NamedTuple):
     cells: np.ndarray
     regions: dict
     sets: dict
+    repeated: int = 0
 
 
 def read_file(path):
@@ -75,9 +76,10 @@ def read_file(path):
                 regions[name] = np.zeros(len(cells), bool)
                 regions[name][place[marked]] = True
         sets = _find_sets(raw, kind, cells, number, groups)
+        repeated = count_repeated(first, place, blocks, groups)
     except ValueError as wrong:
         raise ValueError(f"the mesh {path} {wrong}") from None
-    return FileMesh(kind, points, vertex_id.astype(np.int64), cells, regions, sets)
+    return FileMesh(kind, points, vertex_id.astype(np.int64), cells, regions, sets, repeated)
 
 
 def _read_raw(path):
@@ -152,6 +154,20 @@ def _merge_same(cells):
     first_of[label[::-1]] = np.arange(len(label))[::-1]
     first = np.sort(first_of)
     return first, np.searchsorted(first, first_of[label])
+
+
+def count_repeated(first, place, blocks, groups):
+    """Return how many cells stand in a file again without a group of their own, other than gmsh's format 2 has it, where a cell stands once in each of its groups.
+
+    first, place : of _merge_same. blocks : [(number, cells)] of one kind. groups : of _find_groups.
+    """
+    groups_of = np.zeros(len(place), np.uint64)  # a number that tells different sets of groups apart
+    for number, chosen in enumerate(groups.values()):
+        marked = np.concatenate([chosen.get(block, np.zeros(len(data), bool)) for block, data in blocks])
+        groups_of[marked] ^= np.uint64(0x9E3779B97F4A7C15 * (number + 1) % 2**64)
+    again = np.ones(len(place), bool)
+    again[first] = False
+    return int(np.count_nonzero(groups_of[again] == groups_of[first][place[again]]))
 
 
 def _flatten(points, dim):

@@ -26,6 +26,7 @@ class Body(NamedTuple):
     volumes: List[float]  # m^3, of a particle of each body, the mean one of a body from a file
     lattice: Optional[CommonLattice]  # that all bodies lie on: then the lattice path is taken
     path: str  # "lattice" or "cloud", and why
+    remarks: tuple = ()  # sentences on files
 
     @property
     def cell_volume(self):
@@ -94,7 +95,8 @@ def make_body(scene, comm=None):
     materials = [_make_material(table) for table in scene.material]
     kinds, reach = kinds_of(scene), reach_between_bodies(scene)
     lattice, path = choose_path(scene, lattices, np.ndim(reach) > 0)
-    return Body(lattices, materials, law_of(scene), _blocks_of(scene, kinds), kinds, reach, [each.spacing**scene.dim * scene.thickness for each in lattices], lattice, path)
+    return Body(lattices, materials, law_of(scene), _blocks_of(scene, kinds), kinds, reach, [each.spacing**scene.dim * scene.thickness for each in lattices], lattice, path,
+                () if files is None else tuple(files.remarks()))
 
 
 def law_of(scene):

@@ -10,7 +10,7 @@ from pdhpc.scene.interactions import make_interactions, stiffer_step
 from pdhpc.scene.parts import make_part, partition_of
 from pdhpc.scene.problem import Problem
 from pdhpc.scene.regions import make_regions
-from pdhpc.scene.remarks import remarks_on
+from pdhpc.scene.remarks import overlaps, remarks_on
 from pdhpc.scene.sections import section
 from pdhpc.scene.static import static_problem
 from pdhpc.scene.steps import choose_step
@@ -42,7 +42,7 @@ def _build_particles(scene, comm):
         return _build_regions(scene, body, comm)
     part = make_part(scene, body, comm, partition_of(scene, body, comm))
     _furnish(scene, body, [part], comm)
-    remarks = remarks_on(scene, body, amounts_of(scene, body, [part], comm))
+    remarks = remarks_on(scene, body, amounts_of(scene, body, [part], comm)) + overlaps(scene, body, part, comm)
     if scene.stands_still:
         problem = static_problem(scene, body, part, comm)
         problem.warnings += remarks

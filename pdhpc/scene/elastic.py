@@ -17,6 +17,7 @@ from pdhpc.parallel.comm import largest, smallest
 from pdhpc.scene.lattice_elasticity import make_lattice_elasticity
 from pdhpc.scene.mesh_body import MeshBody, checked_locally, locking, make_mesh_body, moduli_of
 from pdhpc.scene.mesh_sets import MeshSets, make_loads, set_initial_state
+from pdhpc.scene.point_bodies import repetitions
 from pdhpc.scene.problem import Uncoupled
 from pdhpc.scene.steps import choose_step
 
@@ -118,7 +119,7 @@ def build_elastic(scene, comm):
     if scene.fem.integration == "static":
         _check_supports(scene, elasticity, conditions, pieces)
     dt, n_steps, warnings = step
-    return ElasticProblem(scene, body, elasticity, nodes, conditions, sets, pieces, records, critical, dt, n_steps, warnings + locking(scene), make_stepper)
+    return ElasticProblem(scene, body, elasticity, nodes, conditions, sets, pieces, records, critical, dt, n_steps, warnings + locking(scene) + repetitions(scene.mesh.file, body.mesh.repeated), make_stepper)
 
 
 def _make_elasticity(scene, body):

@@ -19,12 +19,12 @@ _SAME = 0.9  # least ratio of sizes and spacing for which the linear volume corr
 class _Rows:
     """This rank's piece of the rows of one file: number (n,) int64; points (n, dim), m; volume (n,), m^3; marks (n,) uint64, by the names used.
 
-    count : rows of the whole file. names : the groups used. known : the names of all groups, of cells and others.
+    count : rows of the whole file. repeated : cells that were left out, see mesh_file.count_repeated. names : the groups used. known : the names of all groups, of cells and others.
     """
 
     def __init__(self, dim, names):
         self.number, self.points, self.volume, self.marks = np.empty(0, np.int64), np.empty((0, dim)), np.empty(0), np.empty(0, np.uint64)
-        self.names, self.count, self.known = names, 0, ([], [])
+        self.names, self.count, self.known, self.repeated = names, 0, ([], []), 0
 
 
 class PointFiles:
@@ -50,6 +50,10 @@ class PointFiles:
             if region.shape == "group" and region.group not in known:
                 raise scene.error(f"region '{region.name}': group", f'"{region.group}"', f"a group of the bodies' files ({_listed(known)}){nearest(region.group, known)}")
 
+    def remarks(self):
+        """Return sentences on what the files hold and bodies do not. Local, the same on every rank."""
+        return [sentence for (_, file), rows in self.rows.items() for sentence in repetitions(file, rows.repeated)]
+
     def body(self, number, first_id):
         """Return the PointBody of a body, each rank with an equal piece of its points; ids from `first_id` on. Collective.
 
@@ -61,6 +65,11 @@ class PointFiles:
         made = _take(self.scene, self.comm, number, self.rows[body.shape, body.file], first_id)
         _check_sizes(self.scene, number, made)
         return made
+
+
+def repetitions(file, count):
+    """Return [a sentence] on cells of a file that stand there more than once without a group of their own; [] for none."""
+    return [] if not count else [f"{file}: {count:,} cell{'s stand' if count > 1 else ' stands'} there again, with the same corners and groups, and count{'' if count > 1 else 's'} once"]
 
 
 def _listed(names):
@@ -103,7 +112,7 @@ def _read(scene, comm, number, names):
             parts.append((first + np.arange(len(points)), points, volume * size if body.shape == "mesh" else volume, marks))
     except ValueError as error:
         raise scene.error(key, f'"{body.file}" ({error})', f"{allowed}, named from the folder of the scene") from error
-    rows.count, rows.known = comm.bcast((rows.count, rows.known))
+    rows.count, rows.known, rows.repeated = comm.bcast((rows.count, rows.known, rows.repeated))
     if parts:
         rows.number, rows.points, rows.volume, rows.marks = (np.concatenate(part) for part in zip(*parts))
     return rows
@@ -116,6 +125,7 @@ def _cell_pieces(path, scene, names, rows):
     file = CellFile(path)
     if file.dim != scene.dim:
         raise ValueError(f'the mesh {path} has cells of {file.dim} dimensions; dimension = "{scene.dimension}" asks for {scene.dim}')
+    rows.repeated = file.repeated
     rows.count, rows.known = file.count, (file.cell_groups, [name for name in file.groups if name not in file.cell_groups])
     yield from file.pieces(names)
 

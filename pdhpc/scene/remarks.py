@@ -2,14 +2,34 @@
 import numpy as np
 
 from pdhpc.geometry.points import PointBody
+from pdhpc.peridynamics.crowding import NEAREST_OTHER, find_close
 from pdhpc.scene.amounts import missed
-from pdhpc.scene.interactions import sizes_of
+from pdhpc.scene.interactions import half_sizes, sizes_of
+
+_SUSPICIOUS = 0.25  # of the particles that face another body: some cells of a mesh lie nearer than others, whole layers do not
 
 
 def remarks_on(scene, body, amounts):
     """Return sentences on bodies whose volume is not that of their shape, that no bond joins although they are glued, or that contact lets pass. Local."""
     boxes = np.array([_box_of(lattice) for lattice in body.lattices])
-    return missed(scene, amounts) + _apart(scene, body, boxes) + _passing(scene, body, boxes) + _too_short(scene, body)
+    return [*body.remarks, *missed(scene, amounts)] + _apart(scene, body, boxes) + _passing(scene, body, boxes) + _too_short(scene, body)
+
+
+def overlaps(scene, body, part, comm):
+    """Return a sentence where particles of one body lie suspiciously near those of another, as they do where bodies overlap; bonds in lists alone see it. Collective."""
+    if len(body.lattices) == 1 or body.lattice is not None:
+        return []
+    particles = part.subdomain.particles
+    size, number = 2 * half_sizes(scene, particles.volume), body.number_of(particles.id)
+    close, facing, i, j = find_close(part.subdomain, size, number)
+    found = comm.allgather(None if close == 0 else (int(particles.id[i]), int(number[i]), int(number[j])))
+    close, facing = (int(count) for count in comm.allreduce(np.array([close, facing])))
+    first = min((each for each in found if each is not None), default=None)
+    if first is None or close < _SUSPICIOUS * facing:
+        return []
+    one, other = (scene.body[each].name for each in sorted(first[1:]))
+    return [f"{close:,} of {facing:,} particles that face another body have one of it nearer than {NEAREST_OTHER:g} times the nearest of their own, first of the bodies "
+            f"'{one}' and '{other}': they seem to overlap, and to fill the same space twice"]
 
 
 def _box_of(lattice):

@@ -23,7 +23,7 @@ from pdhpc.scene.clearance import check_clear_of
 from pdhpc.scene.gauges import make_gauges
 from pdhpc.scene.interactions import contact_distance, contact_modulus, penalty, sizes_of, stiffer_step
 from pdhpc.scene.mesh_rules import unused
-from pdhpc.scene.remarks import remarks_on
+from pdhpc.scene.remarks import overlaps, remarks_on
 from pdhpc.scene.regions import finite_margin, ratio_for, split_of
 from pdhpc.scene.static import load_path
 from pdhpc.scene.steps import choose_step
@@ -228,7 +228,8 @@ def _built(scene, ranks):
     make_gauges(problem, View(problem.subdomain, problem.body.law), MPI.COMM_SELF)
     bonds = problem.subdomain.bonds
     warnings = [] if ranks <= problem.subdomain.particles.n_owned else [f"{ranks} ranks for {problem.subdomain.particles.n_owned} particles: some own nothing"]
-    return amounts_of(scene, problem.body, problem.parts, MPI.COMM_SELF), bonds.n_directed // 2, int(bonds.family_size.max(initial=0)), critical, warnings + (problem.warnings if scene.stands_still else [])
+    more = problem.warnings if scene.stands_still else overlaps(scene, problem.body, problem.parts[0], MPI.COMM_SELF)
+    return amounts_of(scene, problem.body, problem.parts, MPI.COMM_SELF), bonds.n_directed // 2, int(bonds.family_size.max(initial=0)), critical, warnings + more
 
 
 def _sampled(scene, body, family):

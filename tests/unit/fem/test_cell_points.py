@@ -7,7 +7,7 @@ import pytest
 
 from pdhpc.fem.cell_points import CellFile
 from pdhpc.fem.facets import DIM, UNIT_CORNERS
-from pdhpc.fem.mesh_file import _MIRRORED
+from pdhpc.fem.mesh_file import _MIRRORED, read_file
 
 HERE = Path(__file__).parent
 SIZE = {"triangle": 1 / 2, "quad": 1.0, "tetra": 1 / 6, "hexahedron": 1.0}
@@ -58,13 +58,26 @@ def test_triangles_beside_quads(tmp_path):
 def test_gmsh_groups(version):
     """A quarter of a plate with a hole of 1 m, four quads, two of them in "lower half"; "bottom" and "hole" are lines, of two facets each."""
     file = CellFile(HERE / f"quarter_plate_{version}.msh")
-    assert file.cell_groups == ["lower half", "plate"] and set(file.groups) == {"lower half", "plate", "bottom", "right", "top", "left", "hole"}
+    assert file.repeated == 0 and file.cell_groups == ["lower half", "plate"] and set(file.groups) == {"lower half", "plate", "bottom", "right", "top", "left", "hole"}
     points, volume, marks = all_of(file, ["plate", "bottom", "right", "nothing", "lower half"])
     bits = [(marks >> np.uint64(k) & np.uint64(1)).astype(bool) for k in range(5)]
     assert len(points) == 4 and bits[0].all() and bits[1].sum() == 2 and bits[2].sum() == 1 and not bits[3].any()
     assert np.array_equal(bits[4], points[:, 1] < points[:, 0])
     # 3 m x 3 m without the octagon's quarter that two chords of 45 degrees make of the hole: 2 (1/2 sin 45)
     assert volume.sum() == pytest.approx(9 - np.sin(np.pi / 4))
+
+
+def test_cells_that_stand_there_again_are_counted(tmp_path):
+    """Once in another order of corners, once in another block; with a group of their own, as gmsh's format 2 has it, they are not."""
+    points, cell = [[0, 0], [1, 0], [1, 1], [0, 1], [2, 0], [2, 1]], [0, 1, 2, 3]
+    path = written(tmp_path, points, [("quad", [cell, [1, 4, 5, 2], [2, 3, 0, 1]]), ("triangle", [[0, 1, 2]]), ("quad", [cell])])
+    assert CellFile(path).repeated == 2 and CellFile(path).count == 3
+    blocks = [("quad", np.array([cell])), ("quad", np.array([cell])), ("quad", np.array([cell]))]
+    for tags, expected in (([1, 2, 3], 0), ([1, 2, 1], 1), ([1, 1, 1], 2)):
+        file = tmp_path / "tagged.msh"
+        data = {key: [np.array([tag]) for tag in tags] for key in ("gmsh:physical", "gmsh:geometrical")}
+        meshio.write(file, meshio.Mesh(np.array([[*point, 0.0] for point in points]), blocks, cell_data=data), file_format="gmsh22", binary=False)
+        assert CellFile(file).repeated == expected == read_file(file).repeated, tags
 
 
 def test_point_sets_hold_the_cells_that_touch_them(tmp_path):

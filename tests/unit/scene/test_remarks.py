@@ -1,6 +1,7 @@
 """What is said of bodies that no bond joins, that pass through each other, or that a short distance of contact lets through."""
 import pytest
 
+from pdhpc.study.verify.bodies import write_cells
 from pdhpc.study.verify.case import plate, problem_of
 
 OTHER = '[[body]]\nname = "other"\nmaterial = "solid"\nshape = "box"\nlower = [{x}, -2.0]\nupper = [{end}, 2.0]\n'
@@ -34,6 +35,53 @@ def test_glued_bodies_that_no_bond_reaches(x, gap):
 def test_bodies_that_pass_through_each_other(extra, x, kinematics, overrides, warns):
     found = said(extra, x, kinematics, overrides)
     assert len(found) == warns and all("'body' and 'other'" in each and "no table [contact]" in each for each in found), found
+
+
+TABLE = '[[body]]\nname = "grains"\nmaterial = "solid"\nshape = "table"\nfile = "{}"\n'
+
+
+@pytest.mark.parametrize("x, warns", [(3.5, False), (1.9, True)])
+def test_a_table_that_reaches_into_a_box(x, warns, tmp_path):
+    """Two columns of particles, the first at 1.9: 0.5 from the box's at 1.5 in x and 0.3 in y, which neither a quarter of a spacing nor a full family shows."""
+    (tmp_path / "grains.txt").write_text("".join(f"{x + i} {j - 1.2} 1 1\n" for i in range(2) for j in range(3)))
+    found = problem_of(plate((6, 4), kinematics="finite", extra=TABLE.format(tmp_path / "grains.txt"))).warnings
+    assert len(found) == warns and all("'body' and 'grains'" in each and "overlap" in each for each in found), found
+
+
+def test_cells_that_stand_in_a_file_again(tmp_path):
+    """In a file of 4 x 3 squares the first one again: of particles and of finite elements alike."""
+    import meshio
+
+    write_cells(tmp_path / "cells.inp", (4, 3))
+    mesh = meshio.read(tmp_path / "cells.inp")
+    again = meshio.Mesh(mesh.points, [("quad", mesh.cells[0].data), ("quad", mesh.cells[0].data[:1])])
+    again.write(tmp_path / "again.vtk")
+    body = f'shape = "mesh"\nfile = "{tmp_path / "again.vtk"}"'
+    box = 'shape = "box"\nlower = [-3.0, -2.0]\nupper = [3.0, 2.0]'
+    for text in (plate((6, 4)).replace(box, body), FEM.format(tmp_path / "again.vtk")):
+        found = problem_of(text)
+        assert [each for each in found.warnings if "1 cell stands there again" in each and "again.vtk" in each] == found.warnings != []
+    assert problem_of(FEM.format(tmp_path / "cells.inp")).warnings == []
+
+
+FEM = """
+model = "fem"
+dimension = "plane_stress"
+[mesh]
+file = "{}"
+[[material]]
+name = "solid"
+model = "elastic"
+density = 1.0
+youngs_modulus = 1.0
+poissons_ratio = 0.3
+[[body]]
+name = "body"
+material = "solid"
+shape = "mesh"
+[time]
+end = 1.0
+"""
 
 
 @pytest.mark.parametrize("distance, warns", [(0.49, True), (0.5, False)])
