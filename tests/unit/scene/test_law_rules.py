@@ -63,7 +63,7 @@ def test_what_is_allowed():
     (GFEM, ["model=gfem", "material.solid.critical_stretch=0.1", "material.solid.stretch_softening=0.25"], ["0 there"]),
     (GFEM, ["model=gfem", "body.body.horizon=3.0"], ["no such key", 'model = "gfem"']),
     (GFEM + SECOND + interface('["body", "other"]', "glued"), ["model=fem"], ["interface[0] = a table", "share their vertices"]),
-    (SECOND, ["body.other.horizon=4.0", "particles.path=lattice"], ['"lattice" although horizons differ']),
+    (SECOND, ["body.other.horizon=4.0", "particles.path=lattice"], ['"lattice" although horizons of bodies differ']),
     ("", ["particles.surface_correction=energy", "particles.path=lattice"], ['"lattice" although each bond has its own surface correction']),
     ("", ["material.solid.energy_release_rate=1.0", "material.solid.failure=energy", "particles.path=lattice", *LPS], ["bonds of lps break by their energy"]),
 ])

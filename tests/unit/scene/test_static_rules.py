@@ -20,7 +20,7 @@ STILL = BASE.replace("end = 1.0\n", 'end = 1.0\nmethod = "newton"\n') + REGION +
     (["static.breaking=most_strained", "material.m.energy_release_rate=1.0", "material.m.failure=energy"], ["static.breaking", 'failure = "energy" of material', '"all"']),
     (["static.breaking=most_strained", "material.m.energy_release_rate=1.0", "material.m.stretch_softening=0.25"], ["static.breaking", "stretch_softening = 0.25"]),
     (["static.breaking=most_strained", "material.m.energy_release_rate=1.0", "material.m.weibull_modulus=9"], ["static.breaking", "weibull_modulus = 9.0"]),
-    (['contact={}'], ['time.method = "newton" with contact', '"single"']),
+    (['contact={}'], ['contact = a table with time.method = "newton"', 'brought to rest', '"single"']),
     (["static.tolerence=0.1"], ["static.tolerence is an unknown key", 'did you mean "tolerance"?']),
     (["time.method=relaxations"], ['time.method = "relaxations"', 'did you mean "relaxation"?']),
     (["model=fem", "mesh={cell_size=0.5}"], ['time.method = "newton" with model = "fem"']),
