@@ -6,7 +6,7 @@ from pdhpc.parallel.comm import world
 from pdhpc.scene.schema import SceneError
 from pdhpc.study.verify import (  # noqa: F401  (they register their cases)
     bars, bodies, branching, contact, dynamics, elasticity, fem, fem_dynamics, fem_flat_top, fem_scenes, fracture, fragmentation, gfem, gfem_fracture, gfem_poster, hole,
-    kalthoff, laws, mls, mts, mts_plate, petaling, state_based, static,
+    kalthoff, laws, mls, mts, mts_plate, petaling, shipped, state_based, static,
 )
 from pdhpc.study.verify.case import CASES
 

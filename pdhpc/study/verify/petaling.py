@@ -44,10 +44,12 @@ def _apart(found, turned):
 @case(slow=True)
 def petaling():
     """a ball driven through a thin plate of metal: cracks like rays, local damage, and energies that balance (reduced size)"""
+    from mpi4py import MPI
+
     from pdhpc.simulation import Simulation
 
     with tempfile.TemporaryDirectory() as folder:
-        record = Simulation.from_file(SCENE, COARSE).run(Path(folder) / "out", quiet=True)
+        record = Simulation.from_file(SCENE, COARSE, MPI.COMM_SELF).run(Path(folder) / "out", quiet=True)
         place = read_points(Path(folder) / "out")["position"]
         _, _, fields = read_frame(Path(folder) / "out")
     found = rays(place[:, :2], fields["damage"], 8e-3, 0.75e-3)
