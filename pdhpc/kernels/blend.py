@@ -8,7 +8,8 @@ import numpy as np
 
 from pdhpc.jit import inlined, kernel, sweep
 from pdhpc.kernels.family import MIXED, bond_strain, inverse_length, is_alive, neighbour
-from pdhpc.kernels.lattice import WORD, bond_moduli, mixed_ends, uniform_ends
+from pdhpc.kernels.lattice import WORD
+from pdhpc.kernels.lattice_laws import bond_moduli, mixed_ends, uniform_ends
 from pdhpc.kernels.reference import break_row
 from pdhpc.kernels.simd import LANES, any_of, as_vector, at, both, chosen, either, fma, has_bit, lane_mask, load8, select, splat, store8, words8
 from pdhpc.materials.law import bond_energy, bond_weight, far_end, moment_weight, near_end, pull
