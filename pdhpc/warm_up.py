@@ -242,6 +242,7 @@ def _compile(dim, path, model, linear, variant):
     count_face(arrays, points, particles.third, slots, np.ones(len(particles.position), bool), 0, 1e-3)
     stable_step(subdomain, law)
     subdomain.bonds.alive()
+    subdomain.bonds.set_states(subdomain.bonds.states())
     foremost_damaged(arrays, slots, subdomain.bonds.initial_size, 0.5, np.arange(2), np.zeros(2))
     subdomain.places()
     particles.place()

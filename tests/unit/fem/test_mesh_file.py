@@ -135,7 +135,7 @@ def test_coordinates_that_make_no_mesh_are_refused(tmp_path):
     ("mesh.msh", b"", ""),
     ("mesh.msh", b"$MeshFormat\n" + 99 * b"\x80", ""),
     ("mesh.msh", b"$MeshFormat\n4.1 0 8\n$EndMeshFormat\n" + 200 * b"x", r" \(meshio says: .{120}\.\.\.\)"),
-    ("mesh.txt", b"0 0 0\n", r" \(meshio says: [Cc]ould not deduce .*mesh.txt'?\)"),
+    ("mesh.txt", b"0 0 0\n", r" \(meshio says: [Cc]ould not deduce .*\)"),
     ("mesh.inp", b"*NODE\n1, 0, 0\n*ELEMENT, TYPE=CPE4\n1, 1, 1, 1, 1\n", r" \(meshio says: .*CPE4\)"),
     ("mesh.vtk", b"# vtk DataFile Version 3.0\nx\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 3 double\n0 0 0\n", ""),
 ])
