@@ -57,9 +57,14 @@ def problem_of(text, overrides=()):
 
 def simulation_of(text):
     """Return the Simulation of a scene text in this process alone."""
+    return alone(parse_scene(text, "verification scene"))
+
+
+def alone(scene):
+    """Return the Simulation of a Scene in this process alone."""
     from mpi4py import MPI
 
-    return Simulation(parse_scene(text, "verification scene"), MPI.COMM_SELF)
+    return Simulation(scene, MPI.COMM_SELF)
 
 
 def plate(cells=(40, 40), ratio=3.0, spacing=1.0, kinematics="linear", extra="", material="", dimension="plane_stress"):

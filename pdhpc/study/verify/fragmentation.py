@@ -4,9 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pdhpc.scene.read import parse_scene, read_scene
-from pdhpc.simulation import Simulation
-from pdhpc.study.verify.case import Check, at_most, case
+from pdhpc.scene.read import read_scene
+from pdhpc.study.verify.case import Check, alone, at_most, case, simulation_of
 
 SCENE = Path(__file__).resolve().parents[3] / "runs" / "fragmenting_cylinder.toml"
 SHORT = [
@@ -51,7 +50,7 @@ pictures = false
 def _burst(rate, scatter):
     """Return (record, momentum, mass), see _kept, of a ring that expands at a rate, 1/s."""
     text = RING.format(scatter=scatter, speed=rate * RADIUS, end=6 * CRITICAL / rate + 10e-6)
-    simulation = Simulation(parse_scene(text, "verification scene"))
+    simulation = simulation_of(text)
     record = simulation.run(quiet=True)
     return record, *_kept(simulation, record)
 
@@ -115,7 +114,7 @@ def fragments_and_scatter():
 @case
 def fragmenting_cylinder():
     """the scene runs/fragmenting_cylinder.toml, a fifth as long and coarser: its initial energy, and mass, momentum and energy of what it breaks into"""
-    simulation = Simulation(read_scene(SCENE, SHORT))
+    simulation = alone(read_scene(SCENE, SHORT))
     particles = simulation.problem.subdomain.particles
     kinetic = 0.5 * (particles.owned(particles.velocity) ** 2).sum(axis=1).mean()
     record = simulation.run(quiet=True)

@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 
 from pdhpc.output.fields import read_frame, read_points
-from pdhpc.study.verify.case import Check, at_most, case
+from pdhpc.scene.read import read_scene
+from pdhpc.study.verify.case import Check, alone, at_most, case
 
 SCENE = Path(__file__).resolve().parents[3] / "runs" / "petaling.toml"
 COARSE = [
@@ -44,12 +45,8 @@ def _apart(found, turned):
 @case(slow=True)
 def petaling():
     """a ball driven through a thin plate of metal: cracks like rays, local damage, and energies that balance (reduced size)"""
-    from mpi4py import MPI
-
-    from pdhpc.simulation import Simulation
-
     with tempfile.TemporaryDirectory() as folder:
-        record = Simulation.from_file(SCENE, COARSE, MPI.COMM_SELF).run(Path(folder) / "out", quiet=True)
+        record = alone(read_scene(SCENE, COARSE)).run(Path(folder) / "out", quiet=True)
         place = read_points(Path(folder) / "out")["position"]
         _, _, fields = read_frame(Path(folder) / "out")
     found = rays(place[:, :2], fields["damage"], 8e-3, 0.75e-3)

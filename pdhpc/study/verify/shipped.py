@@ -7,7 +7,8 @@ import numpy as np
 
 from pdhpc.output.fields import read_frame, read_points
 from pdhpc.output.history import read_history
-from pdhpc.study.verify.case import Check, at_most, case
+from pdhpc.scene.read import read_scene
+from pdhpc.study.verify.case import Check, alone, at_most, case
 
 RUNS = Path(__file__).resolve().parents[3] / "runs"
 SMALL_DISC = ["particles.spacing=0.8333333333333333e-3", "particles.horizon=2.5e-3", "body.disc.radius=15e-3", "time.end=40e-6", "output.frames=2", "output.pictures=false"]
@@ -16,11 +17,7 @@ COARSE_STRIP = ["particles.spacing=1.0e-3", "particles.horizon=3.0e-3", "static.
 
 def run_small(scene, overrides, folder):
     """Run a scene of runs/ with changes in this process alone; return its record."""
-    from mpi4py import MPI
-
-    from pdhpc.simulation import Simulation
-
-    return Simulation.from_file(RUNS / scene, overrides, MPI.COMM_SELF).run(folder, quiet=True)
+    return alone(read_scene(RUNS / scene, overrides)).run(folder, quiet=True)
 
 
 def peak_by_fracture_mechanics(youngs_modulus=30e9, energy_release_rate=50.0, notch=12e-3, half_width=30e-3, thickness=1e-3):
