@@ -14,6 +14,8 @@ from pdhpc.peridynamics.surface import correct_surfaces
 from pdhpc.scene.body import describe, radius_of
 from pdhpc.scene.point_bodies import spread
 
+_WITHIN = 0.25  # of its size: how deep a particle from a file lies in a drawn body that counts as one that overlaps
+
 
 class Part:
     """Particles, bonds, ghosts and conditions.
@@ -150,7 +152,7 @@ def make_subdomain_of(scene, body, partition, comm, leaf):
 
 
 def _check_apart(scene, body, subdomain, radius):
-    """Raise a ValueError where bodies, some of them from files, overlap, see crowding.py. Local."""
+    """Raise a ValueError where bodies, some of them from files, overlap: see crowding.py, and particles from files that lie within a drawn shape. Local."""
     particles, thickness = subdomain.particles, scene.thickness if scene.dim == 2 else 1.0
     size = (particles.volume / thickness) ** (1 / scene.dim)
     radius = np.broadcast_to(radius, (len(body.lattices),) * 2)
@@ -163,6 +165,22 @@ def _check_apart(scene, body, subdomain, radius):
             raise ValueError(f"{both} in a family of {fullness:.2f} times the volume of its ball")
         apart = float(np.linalg.norm(particles.reference[i] - particles.reference[j]))
         raise ValueError(f"{both} only {apart:.6g} m apart, {2 * apart / (size[i] + size[j]):.2g} of their mean size")
+    row, drawn = _within_drawn(body, particles.reference, size, body.number_of(particles.id))
+    if row is not None:
+        raise ValueError(f"{_called(scene, body, particles.id[row])} within body '{scene.body[drawn].name}'")
+
+
+def _within_drawn(body, points, size, number):
+    """Return (row, number of the drawn body) of a particle from a file that lies within a drawn body, by a quarter of its size at least; (None, None) without."""
+    from_files = np.array([isinstance(each, PointBody) for each in body.lattices])
+    steps = np.concatenate([np.zeros((1, points.shape[1])), np.eye(points.shape[1]), -np.eye(points.shape[1])])
+    for drawn in np.flatnonzero(~from_files):
+        rows = np.flatnonzero(from_files[number])
+        for step in steps:
+            rows = rows[body.lattices[drawn].contains(points[rows] + _WITHIN * size[rows, None] * step)]
+        if len(rows):
+            return rows[0], drawn
+    return None, None
 
 
 def _called(scene, body, id):

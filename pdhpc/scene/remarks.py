@@ -6,6 +6,7 @@ from pdhpc.peridynamics.crowding import NEAREST_OTHER, find_close
 from pdhpc.scene.amounts import missed
 from pdhpc.scene.interactions import half_sizes, sizes_of
 
+_CERTAIN = 0.75  # of the same: no two bodies that touch come near it
 _SUSPICIOUS = 0.25  # of the particles that face another body: some cells of a mesh lie nearer than others, whole layers do not
 
 
@@ -16,7 +17,12 @@ def remarks_on(scene, body, amounts):
 
 
 def overlaps(scene, body, part, comm):
-    """Return a sentence where particles of one body lie suspiciously near those of another, as they do where bodies overlap; bonds in lists alone see it. Collective."""
+    """Return a sentence where particles of one body lie suspiciously near those of another, as they do where bodies overlap; bonds in lists alone see it. Collective.
+
+    Raises
+    ------
+    SceneError, on every rank: most of those that face another body do.
+    """
     if len(body.lattices) == 1 or body.lattice is not None:
         return []
     particles = part.subdomain.particles
@@ -28,8 +34,11 @@ def overlaps(scene, body, part, comm):
     if first is None or close < _SUSPICIOUS * facing:
         return []
     one, other = (scene.body[each].name for each in sorted(first[1:]))
-    return [f"{close:,} of {facing:,} particles that face another body have one of it nearer than {NEAREST_OTHER:g} times the nearest of their own, first of the bodies "
-            f"'{one}' and '{other}': they seem to overlap, and to fill the same space twice"]
+    found = (f"{close:,} of {facing:,} particles that face another body have one of it nearer than {NEAREST_OTHER:g} times the nearest of their own, first of the bodies "
+             f"'{one}' and '{other}'")
+    if close >= _CERTAIN * facing:
+        raise scene.error("body", found, "bodies that do not overlap")
+    return [f"{found}: they seem to overlap, and to fill the same space twice"]
 
 
 def _box_of(lattice):

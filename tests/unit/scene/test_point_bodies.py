@@ -122,6 +122,8 @@ OTHER = '[[body]]\nname = "other"\nmaterial = "solid"\nshape = "box"\nlower = {}
     ([0.0, 0.0], "row 1 of body 'body' and cell 1 of body 'other' at the same place"),
     ([0.1, 0.0], "only 0.1 m apart, 0.1 of their mean size"),
     ([0.5, 0.5], "times the volume of its ball"),
+    ([11.0, 0.5], "row 68 of body 'body' within body 'other'; allowed is bodies that do not overlap"),  # by a layer of cells, between them: no family is too full
+    ([11.5, 0.0], "12 of 12 particles that face another body have one of it nearer than 0.75 times"),  # by half a layer: centres lie on its face
     ([12.0, 0.0], None),
     ([12.5, 0.25], None),
 ])

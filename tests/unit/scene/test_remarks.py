@@ -1,6 +1,7 @@
 """What is said of bodies that no bond joins, that pass through each other, or that a short distance of contact lets through."""
 import pytest
 
+from pdhpc.scene.schema import SceneError
 from pdhpc.study.verify.bodies import write_cells
 from pdhpc.study.verify.case import plate, problem_of
 
@@ -40,12 +41,21 @@ def test_bodies_that_pass_through_each_other(extra, x, kinematics, overrides, wa
 TABLE = '[[body]]\nname = "grains"\nmaterial = "solid"\nshape = "table"\nfile = "{}"\n'
 
 
-@pytest.mark.parametrize("x, warns", [(3.5, False), (1.9, True)])
-def test_a_table_that_reaches_into_a_box(x, warns, tmp_path):
-    """Two columns of particles, the first at 1.9: 0.5 from the box's at 1.5 in x and 0.3 in y, which neither a quarter of a spacing nor a full family shows."""
-    (tmp_path / "grains.txt").write_text("".join(f"{x + i} {j - 1.2} 1 1\n" for i in range(2) for j in range(3)))
-    found = problem_of(plate((6, 4), kinematics="finite", extra=TABLE.format(tmp_path / "grains.txt"))).warnings
-    assert len(found) == warns and all("'body' and 'grains'" in each and "overlap" in each for each in found), found
+@pytest.mark.parametrize("rows, word", [
+    ([(x, y) for x in (3.5, 4.5) for y in (-1.2, -0.2, 0.8)], None),
+    ([(3.5, -1.5), (3.5, -0.5), (3.1, 0.5), (3.5, 1.5)], "overlap"),
+    ([(x, y) for x in (3.1, 4.1) for y in (-1.5, -0.5, 0.5, 1.5)], "allowed is bodies that do not overlap"),
+])
+def test_a_table_that_comes_too_near_a_box(rows, word, tmp_path):
+    """The box ends at 3.0, its last centres at 2.5: grains at 3.1 reach 0.4 into it, which neither a quarter of a spacing nor a full family shows."""
+    (tmp_path / "grains.txt").write_text("".join(f"{x} {y} 1 1\n" for x, y in rows))
+    text = plate((6, 4), kinematics="finite", extra=TABLE.format(tmp_path / "grains.txt"))
+    if word and word.startswith("allowed"):
+        with pytest.raises(SceneError, match=f"'body' and 'grains'; {word}"):
+            problem_of(text)
+        return
+    found = problem_of(text).warnings
+    assert len(found) == (word is not None) and all("'body' and 'grains'" in each and word in each for each in found), found
 
 
 def test_cells_that_stand_in_a_file_again(tmp_path):
