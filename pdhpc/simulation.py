@@ -166,7 +166,7 @@ class Simulation:
         """Return the function that writes a checkpoint."""
         def save(stepper):
             entries = {key: entry for each in (stepper, *observers) for key, entry in each.state().items()}
-            header = {"step": stepper.step, "time": stepper.time, "dt": self.problem.dt, "scene": self.scene.given(), "scene_file": self.scene.source,
+            header = {"step": stepper.step, "time": stepper.time, "dt": self.problem.dt, "scene": self.scene.given(), "scene_file": str(Path(self.scene.source).absolute()),
                       "versions": versions(), "host": platform.node()}
             write_checkpoint(self.comm, directory, header, entries)
 

@@ -1,6 +1,6 @@
 """Checkpoints: all of a run's state in one file that ranks write together, from which it continues on any number of ranks.
 
-    DIR/checkpoint/step_000120.h5    attribute header (JSON: scene, step, time, ranks, versions), with its CRC-32
+    DIR/checkpoint/step_000120.h5    attribute header (JSON: scene and the place of its file, step, time, ranks, versions), with its CRC-32
         state/KEY                    rows of an entry, in rank order; the bytes of bond states, a bit each
         ids/K                        global ids of the points of those rows, once for all entries that share them
         ranks (n_ranks, ...)         for each rank that wrote: its first row and number of rows in each dataset, its first piece and number of pieces; their CRC-32

@@ -8,9 +8,10 @@ from pdhpc.output.checkpoint import generations
 from pdhpc.output.fields import frame_times, read_frame
 from pdhpc.output.record import OutputError
 from pdhpc.restart import find, scene_of
-from pdhpc.scene.read import parse_scene
+from pdhpc.scene.read import parse_scene, read_scene
 from pdhpc.scene.schema import SceneError
 from pdhpc.simulation import Simulation
+from pdhpc.study.verify.bodies import cracked, write_table
 from pdhpc.study.verify.case import plate
 from pdhpc.study.verify.fracture import GROWING_CRACK
 
@@ -97,3 +98,23 @@ def test_nothing_to_go_on_from(tmp_path, comm):
     run(tmp_path, comm, plate((4, 4)), ["output.frames=1"])
     with pytest.raises(OutputError, match="no checkpoint found; allowed is the folder of a run that saved its state"):
         find(tmp_path)
+
+
+@pytest.mark.parametrize("more", [["material.glass.model=lps", "material.glass.poissons_ratio=0.22", "material.glass.failure=energy"], ["material.glass.stretch_softening=0.25"]],
+                         ids=["by energy", "softened"])
+def test_laws_whose_limits_depend_on_the_state_go_on_as_well(tmp_path, comm, more):
+    """Bonds that are beyond their limit once others broke do not break when the state is put in, but in the next step, as they would have."""
+    overrides = [*SHORT, *more]
+    run(tmp_path / "whole", comm, overrides=overrides)
+    assert run(tmp_path / "stopped", comm, overrides=overrides, steps=45)["broken_bonds"] > 50
+    resume(tmp_path / "stopped", comm)
+    same(tmp_path / "whole", tmp_path / "stopped")
+
+
+def test_files_of_bodies_are_found_from_anywhere(tmp_path, comm, monkeypatch):
+    write_table(tmp_path / "points.txt", cracked((8, 6)))
+    (tmp_path / "scene.toml").write_text(cracked((8, 6), body='shape = "table"\nfile = "points.txt"') + "\n[checkpoint]\n")
+    monkeypatch.chdir(tmp_path)
+    record = Simulation(read_scene("scene.toml", ["output.frames=1"]), comm).run("out", quiet=True)
+    monkeypatch.chdir("/")
+    assert resume(tmp_path / "out", comm)["broken_bonds"] == record["broken_bonds"]

@@ -78,3 +78,20 @@ def test_forces_are_state_where_the_energy_of_state_based_bonds_decides():
     assert "force_density" in problem.stepper().state()
     plain = problem_of(plate((10, 6), material=words.replace('"energy"', '"stretch"'), kinematics="finite"))
     assert "force_density" not in plain.stepper().state()
+
+
+@pytest.mark.parametrize("failure", ["stretch", "energy"])
+def test_resuming_at_any_step_changes_nothing(failure):
+    """Nor does it where bonds are beyond their limit once others broke: they break in the next step."""
+    strength = f'failure = "{failure}"\nenergy_release_rate = 2e-3\nmodel = "lps"\npoissons_ratio = 0.2'
+    problem = problem_of(plate((10, 6), material=strength, kinematics="finite"))
+    particles, bonds = problem.subdomain.particles, problem.subdomain.bonds
+    particles.put(particles.velocity, 0.05 * np.random.default_rng(0).standard_normal((60, 2)))
+    stepper = problem.stepper()
+    for _ in range(30):
+        stepper.advance()
+        before = [np.copy(each) for each in (bonds.states(), particles.owned(particles.dissipated), particles.owned(particles.force_density))] + [stepper.broken]
+        stepper.resume()
+        after = [bonds.states(), particles.owned(particles.dissipated), particles.owned(particles.force_density), stepper.broken]
+        assert all(np.array_equal(one, other) for one, other in zip(before, after))
+    assert stepper.broken > 20
