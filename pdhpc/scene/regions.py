@@ -22,10 +22,10 @@ from pdhpc.peridynamics.lattice_subdomain import make_stencil
 from pdhpc.peridynamics.velocity_verlet import VelocityVerlet
 from pdhpc.scene.body import calibration_of, make_shape, radius_of
 from pdhpc.scene.parts import Part, make_subdomain_of, partition_of, place_points, sample_of
+from pdhpc.scene.schema import FINITE_SAFETY
 
 _MOST_STEPS = 1000  # of the fine region in one of the rest
 _MARGIN = 0.97  # of the critical step that power iteration finds, which is too large by a part in a hundred at most
-_BELOW_CRITICAL = 0.65  # share of the critical step at which finite deformations are safe (see README)
 
 
 class RegionPart(Part):
@@ -84,8 +84,8 @@ class Regions:
                 raise self.scene.error("fine: shape", f'"{self.scene.fine.shape}" with no particle {where}', "a shape that holds some particles of a body, and not all")
 
     def critical_macro_dt(self):
-        """Return the largest macro step of the coarse region, s; smaller where finite deformations ask for a margin and the scene does not say otherwise."""
-        return self._critical(0) * finite_margin(self.scene)
+        """Return the largest macro step of the coarse region, s. Collective."""
+        return self._critical(0)
 
     def _critical(self, number):
         return self.parts[number].critical_dt_of(self.comm)
@@ -111,9 +111,9 @@ class Regions:
         if self.interface(macro_dt) == "polynomial" and macro_dt > self.sharp_critical_step():
             found, most = f'"polynomial" with a macro step of {macro_dt:.6g} s', self.sharp_critical_step()
             raise scene.error("fine: interface", found, f'"auto", "exact" or "kick": the operator needs a macro step up to the fine region\'s critical {most:.6g} s')
-        if scene.particles.kinematics == "finite" and macro_dt > 1.05 * _BELOW_CRITICAL * self._critical(0) and scene.method == "mts":
+        if scene.particles.kinematics == "finite" and macro_dt > 1.05 * FINITE_SAFETY * self._critical(0) and scene.method == "mts":
             share = macro_dt / self._critical(0)
-            warnings.append(f"the macro step is {share:.2f} of the critical one: above {_BELOW_CRITICAL} finite deformations may feed energy into the coupling (watched)")
+            warnings.append(f"the macro step is {share:.2f} of the critical one: above {FINITE_SAFETY} finite deformations may feed energy into the coupling (watched)")
         return warnings
 
     def sharp_critical_step(self):
@@ -178,13 +178,6 @@ class Regions:
         if kind == "exact":
             return Exact(interface, macro_dt, self.m, strip, forces, held, make_solver, horizons)
         return Polynomial(interface, macro_dt, self.m, strip, forces, held, make_solver, self.sharp_critical_step(), degree)
-
-
-def finite_margin(scene):
-    """Return what the critical step is multiplied by before dt = "auto" takes its share: finite deformations get a margin unless the scene names the share."""
-    time = scene.time
-    careful = scene.particles.kinematics == "finite" and time.dt == "auto" and "safety" not in time.model_fields_set and scene.method == "mts"
-    return _BELOW_CRITICAL / time.safety if careful else 1.0
 
 
 def ratio_for(scene, body, macro_dt, critical_dt):

@@ -13,6 +13,7 @@ from pdhpc.scene.loads import ABOUT_AXIS, Z_AXIS, Initial, Load
 from pdhpc.scene.methods import ACTIVATION, TOLERANCE, Fem, Gfem, Mesh, Static
 from pdhpc.scene.shapes import Body, Fine, Region
 
+FINITE_SAFETY = 0.65  # share of the critical step at which coupled regions are safe in finite deformations (see README)
 GFEM_SAFETY = 0.75  # share of the critical step of the lumped mesh that model = "gfem" takes
 STANDING = {"relaxation": 100_000, "newton": 30}  # methods by which a body stands still, and the most iterations in an equilibrium unless the scene says
 FRAMES = 20  # frames when the scene does not say when
@@ -260,7 +261,11 @@ class Scene(Table):
     @property
     def safety(self):
         """Share of the critical step that dt = "auto" takes."""
-        return GFEM_SAFETY if self.model == "gfem" and "safety" not in self.time.model_fields_set else self.time.safety
+        if "safety" in self.time.model_fields_set:
+            return self.time.safety
+        if self.model == "gfem":
+            return GFEM_SAFETY
+        return FINITE_SAFETY if self.method == "mts" and self.particles.kinematics == "finite" else self.time.safety
 
     @property
     def dim(self):
@@ -337,14 +342,14 @@ class Scene(Table):
         return data
 
     def _resolve_method(self, data):
-        """Fill in the defaults of load steps, of the finite elements and of their coupling with particles."""
+        """Fill in the defaults of load steps, of the share of the critical step, of the finite elements and of their coupling with particles."""
+        data["time"]["safety"] = self.safety
         if self.stands_still:
             data["static"].setdefault("steps", self.load_steps)
             data["static"].setdefault("iterations", STANDING[self.time.method])
         if self.uses_mesh:
             data["fem"].setdefault("moduli", self.moduli)
         if self.model == "gfem":
-            data["time"]["safety"] = self.safety
             if not self.gfem.everywhere:
                 data["gfem"].setdefault("activation", ACTIVATION)
             if self.gfem.scheme != "pinned":

@@ -24,7 +24,7 @@ from pdhpc.scene.gauges import make_gauges
 from pdhpc.scene.interactions import contact_distance, contact_modulus, penalty, sizes_of, stiffer_step
 from pdhpc.scene.mesh_rules import unused
 from pdhpc.scene.remarks import overlaps, remarks_on
-from pdhpc.scene.regions import finite_margin, ratio_for, split_of
+from pdhpc.scene.regions import ratio_for, split_of
 from pdhpc.scene.static import load_path
 from pdhpc.scene.steps import choose_step
 from pdhpc.warm_up import NoGhosts, block, variant_of
@@ -153,7 +153,7 @@ def _regions(scene, body, ranks, exact, family, critical):
     else:
         found = split_of(scene, body)
         counts = [(number, number * family // 2, critical) for number in (_count(body.seen_through(window)) for window in (found.coarse, found.fine))]
-        dt, steps, warnings = choose_step(scene, critical * finite_margin(scene))
+        dt, steps, warnings = choose_step(scene, critical)
         m = scene.fine.step_ratio if scene.fine.step_ratio != "auto" else ratio_for(scene, body, dt, critical)
         overlap = sum(count[0] for count in counts) - _count(body)
     works = [counts[0][1], m * counts[1][1]]
