@@ -139,22 +139,30 @@ def make_subdomain_of(scene, body, partition, comm, leaf):
     with agree_on_error(comm):
         try:
             if body.lattice is not None:
-                return make_lattice_subdomain(body.lattices, body.lattice, partition, leaf, radius, describe_points, body.law, linear)
-            made = make_subdomain(body.lattices, partition, leaf, radius, describe_points, linear)
+                made = make_lattice_subdomain(body.lattices, body.lattice, partition, leaf, radius, describe_points, body.law, linear)
+            else:
+                made = make_subdomain(body.lattices, partition, leaf, radius, describe_points, linear)
             if body.brings_points:
                 _check_apart(scene, body, made, radius)
-            return made
         except SamePlace as error:
             found = f"{' and '.join(_called(scene, body, each) for each in error.ids)} at the same place" if body.brings_points else str(error)
             raise scene.error("body", found, "bodies that do not overlap") from error
         except ValueError as error:
             raise scene.error("body", str(error), "bodies that do not overlap") from error
+    if body.brings_points:
+        with agree_on_error(comm):  # once no rank has found any too close, so that all say the same on any number of ranks
+            _check_outside_drawn(scene, body, made)
+    return made
+
+
+def _sizes_of(scene, particles):
+    """Return (n_owned + n_ghost,) m, sides of squares or cubes of the particles' volumes. Local."""
+    return (particles.volume / (scene.thickness if scene.dim == 2 else 1.0)) ** (1 / scene.dim)
 
 
 def _check_apart(scene, body, subdomain, radius):
-    """Raise a ValueError where bodies, some of them from files, overlap: see crowding.py, and particles from files that lie within a drawn shape. Local."""
-    particles, thickness = subdomain.particles, scene.thickness if scene.dim == 2 else 1.0
-    size = (particles.volume / thickness) ** (1 / scene.dim)
+    """Raise a ValueError where bodies, some of them from files, overlap: see crowding.py. Local."""
+    particles, thickness, size = subdomain.particles, scene.thickness if scene.dim == 2 else 1.0, _sizes_of(scene, subdomain.particles)
     radius = np.broadcast_to(radius, (len(body.lattices),) * 2)
     ball = np.pi * radius**2 * thickness if scene.dim == 2 else 4 / 3 * np.pi * radius**3
     found = find_crowded(subdomain, size, body.number_of(particles.id), ball)
@@ -165,9 +173,15 @@ def _check_apart(scene, body, subdomain, radius):
             raise ValueError(f"{both} in a family of {fullness:.2f} times the volume of its ball")
         apart = float(np.linalg.norm(particles.reference[i] - particles.reference[j]))
         raise ValueError(f"{both} only {apart:.6g} m apart, {2 * apart / (size[i] + size[j]):.2g} of their mean size")
-    row, drawn = _within_drawn(body, particles.reference, size, body.number_of(particles.id))
+
+
+def _check_outside_drawn(scene, body, subdomain):
+    """Raise a SceneError where a particle from a file lies within a drawn shape. Local."""
+    particles = subdomain.particles
+    row, drawn = _within_drawn(body, particles.reference, _sizes_of(scene, particles), body.number_of(particles.id))
     if row is not None:
-        raise ValueError(f"{_called(scene, body, particles.id[row])} within body '{scene.body[drawn].name}'")
+        found = f"{_called(scene, body, particles.id[row])} within body '{scene.body[drawn].name}'"
+        raise scene.error("body", found, "bodies that do not overlap")
 
 
 def _within_drawn(body, points, size, number):
