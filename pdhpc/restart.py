@@ -49,19 +49,17 @@ def scene_of(saved, directory, overrides):
         word = override.partition("=")[0].strip()
         if word != "time.end" and word.split(".")[0] not in ("output", "checkpoint"):
             raise SceneError(f"pdhpc restart {directory}: --set {override}; allowed is time.end, and keys of output and checkpoint: the rest of a scene stays as the run began")
-    data = dict(saved.header["scene"])
-    if any(override.partition("=")[0].strip() == "time.end" for override in overrides):
-        data["time"] = {**data["time"], "dt": saved.header["dt"]}  # "auto" is of whole steps to the former end
-    if any(override.partition("=")[0].strip().startswith("checkpoint") for override in overrides):
-        data.setdefault("checkpoint", {})
-    scene = changed_scene(data, saved.header["scene_file"], overrides)
-    if scene.stands_still and scene.time.end != saved.header["scene"]["time"]["end"]:
-        raise SceneError(f"pdhpc restart {directory}: time.end = {scene.time.end:g}; allowed is {saved.header['scene']['time']['end']:g}: the load path of a body that stands still is fixed")
-    return scene
+    before, name = saved.header["scene"], saved.header["scene_file"]
+    scene, end = changed_scene(before, name, overrides), before["time"]["end"]
+    if scene.time.end == end:
+        return scene
+    if scene.stands_still:
+        raise SceneError(f"pdhpc restart {directory}: time.end = {scene.time.end:g}; allowed is {end:g}: the load path of a body that stands still is fixed")
+    return changed_scene({**before, "time": {**before["time"], "dt": saved.header["dt"]}}, name, overrides)  # "auto" is of whole steps to the former end
 
 
 def go_on(comm, saved, problem, entries):
-    """Set a problem's steps and a run's entries to the newest of the checkpoints that can be read; return warnings. Collective.
+    """Set a run's entries to the newest of the checkpoints that can be read; return warnings. Collective.
 
     Raises
     ------

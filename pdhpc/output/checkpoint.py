@@ -18,7 +18,7 @@ import numpy as np
 
 from pdhpc.output.record import OutputError, plain
 from pdhpc.output.rows_file import Rows, reason, write_file
-from pdhpc.parallel.comm import agree_on_error, on_root
+from pdhpc.parallel.comm import agree_on_error, largest, on_root
 from pdhpc.parallel.travel import fetch_rows
 from pdhpc.state import EVERYWHERE, SUM
 
@@ -49,7 +49,7 @@ def write_checkpoint(comm, directory, header, entries):
     groups = _groups(comm, entries)
     data, kinds = {}, {}
     for key, entry in entries.items():
-        values, shared = np.asarray(entry.get()), entry.of is EVERYWHERE if isinstance(entry.of, str) else False
+        values, shared = np.asarray(entry.get()), isinstance(entry.of, str) and entry.of == EVERYWHERE
         kind = {"of": entry.of if isinstance(entry.of, str) else groups[key], "scalar": values.ndim == 0, "bool": values.dtype == bool}
         values = values.reshape(1) if values.ndim == 0 else values
         values = values.astype(np.uint8) if values.dtype == bool else values
@@ -78,18 +78,12 @@ def _of_one_width(comm, values):
     """Return rows as wide as the widest of any rank, with zeros at the end: bytes of bond states are as many as a rank's largest family needs. Collective."""
     if values.ndim < 2:
         return np.ascontiguousarray(values)
-    width = comm.allreduce(values.shape[1], op=_max())
+    width = largest(comm, values.shape[1])
     if width == values.shape[1]:
         return np.ascontiguousarray(values)
     wide = np.zeros((len(values), width, *values.shape[2:]), values.dtype)
     wide[:, : values.shape[1]] = values
     return wide
-
-
-def _max():
-    from mpi4py import MPI
-
-    return MPI.MAX
 
 
 def _tables(comm, data):

@@ -14,6 +14,7 @@ from pdhpc.simulation import Simulation
 from pdhpc.study.verify.bodies import cracked, write_table
 from pdhpc.study.verify.case import plate
 from pdhpc.study.verify.fracture import GROWING_CRACK
+from pdhpc.study.verify.static import still
 
 SHORT = ["time.end=14e-6", "output.frames=7", "tip.crack.window=2e-6"]
 
@@ -118,3 +119,10 @@ def test_files_of_bodies_are_found_from_anywhere(tmp_path, comm, monkeypatch):
     record = Simulation(read_scene("scene.toml", ["output.frames=1"]), comm).run("out", quiet=True)
     monkeypatch.chdir("/")
     assert resume(tmp_path / "out", comm)["broken_bonds"] == record["broken_bonds"]
+
+
+def test_the_load_path_of_a_body_at_rest_is_fixed(tmp_path, comm):
+    text = still((6, 4), "newton", extra='[[load]]\ntype = "gravity"\nvalue = [1e-6, 0.0]\n', steps=2)
+    run(tmp_path, comm, text, ["output.frames=1"], steps=1)
+    with pytest.raises(SceneError, match="time.end = 9; allowed is 1: the load path of a body that stands still is fixed"):
+        resume(tmp_path, comm, ["time.end=9.0"])

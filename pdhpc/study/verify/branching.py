@@ -1,14 +1,12 @@
 """The shipped scene: a crack in glass that branches (Ha & Bobaru 2010)."""
 import json
 import math
-import tempfile
 from pathlib import Path
 
 import numpy as np
 
 from pdhpc.output.fields import read_frame, read_points
-from pdhpc.study.verify.case import Check, at_most, case
-from pdhpc.study.launch import launch
+from pdhpc.study.verify.case import Check, at_most, case, on_two_ranks
 
 SCENE = Path(__file__).resolve().parents[3] / "runs" / "glass_branching.toml"
 
@@ -32,11 +30,7 @@ def branches(position, damage, x, spacing, threshold=0.35):
 @case
 def glass_branching():
     """the crack in glass ends in two mirror-image branches and stays below 0.66 of the Rayleigh speed (2 ranks, about a minute)"""
-    with tempfile.TemporaryDirectory() as folder:
-        done = launch(2, ["run", str(SCENE), "-o", "out", "--quiet", "--set", "output.pictures=false"], folder)
-        if done.returncode != 0:
-            return [Check(f"exit code ({done.stderr.strip()[-200:]})", done.returncode, 0.0, 0.0, "a run that ends")]
-        return judge(Path(folder) / "out")
+    return on_two_ranks(SCENE, judge)
 
 
 def judge(directory):

@@ -1,10 +1,13 @@
 """What a check is: a measured number held against an expected one, with tolerance and source."""
 import math
+import tempfile
+from pathlib import Path
 from typing import Callable, NamedTuple
 
 from pdhpc.scene.build import build
 from pdhpc.scene.read import parse_scene
 from pdhpc.simulation import Simulation
+from pdhpc.study.launch import launch
 
 CASES = {}
 
@@ -65,6 +68,15 @@ def alone(scene):
     from mpi4py import MPI
 
     return Simulation(scene, MPI.COMM_SELF)
+
+
+def on_two_ranks(scene, judge):
+    """Run a scene file on two ranks; return the Checks of judge(directory), or one that says that the run failed."""
+    with tempfile.TemporaryDirectory() as folder:
+        done = launch(2, ["run", str(scene), "-o", "out", "--quiet", "--set", "output.pictures=false"], folder)
+        if done.returncode != 0:
+            return [Check(f"exit code ({done.stderr.strip()[-200:]})", done.returncode, 0.0, 0.0, "a run that ends")]
+        return judge(Path(folder) / "out")
 
 
 def plate(cells=(40, 40), ratio=3.0, spacing=1.0, kinematics="linear", extra="", material="", dimension="plane_stress"):

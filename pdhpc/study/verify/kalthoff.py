@@ -1,15 +1,13 @@
 """The shipped scene: a plate struck between its notches (Kalthoff & Winkler 1988)."""
 import json
 import math
-import tempfile
 from pathlib import Path
 
 import numpy as np
 
 from pdhpc.output.fields import read_frame, read_points
-from pdhpc.study.launch import launch
 from pdhpc.study.verify.branching import rayleigh_speed
-from pdhpc.study.verify.case import Check, at_most, case
+from pdhpc.study.verify.case import Check, at_most, case, on_two_ranks
 
 SCENE = Path(__file__).resolve().parents[3] / "runs" / "kalthoff_winkler.toml"
 _SOURCE = "65 to 72 degrees: Kalthoff & Winkler 1988 70, Silling 2003 68"
@@ -18,11 +16,7 @@ _SOURCE = "65 to 72 degrees: Kalthoff & Winkler 1988 70, Silling 2003 68"
 @case(slow=True)
 def kalthoff_winkler():
     """cracks leave the notches of a struck plate at 65 to 72 degrees, mirror images of each other (2 ranks, about a minute)"""
-    with tempfile.TemporaryDirectory() as folder:
-        done = launch(2, ["run", str(SCENE), "-o", "out", "--quiet", "--set", "output.pictures=false"], folder)
-        if done.returncode != 0:
-            return [Check(f"exit code ({done.stderr.strip()[-200:]})", done.returncode, 0.0, 0.0, "a run that ends")]
-        return judge(Path(folder) / "out")
+    return on_two_ranks(SCENE, judge)
 
 
 def judge(directory):
