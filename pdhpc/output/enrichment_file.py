@@ -13,49 +13,14 @@ from pathlib import Path
 
 import numpy as np
 
-from pdhpc.output.record import OutputError
-from pdhpc.parallel.comm import on_root
+from pdhpc.output.rows_file import write_file
 
 NAME = "enrichment.h5"
 
 
 def write_enrichment(comm, directory, data, attributes):
-    """Write {name: (n, ...) rows of this rank} and attributes to enrichment.h5, complete or not at all; one rank after the other. Collective.
-
-    Raises
-    ------
-    OutputError: it cannot be written; on every rank.
-    """
-    path = Path(directory) / NAME
-    part = path.with_name(NAME + ".part")
-    counts = comm.allgather({name: len(values) for name, values in data.items()})
-    error = None
-    for rank in range(comm.size):
-        if rank == comm.rank:
-            error = _write(part, data, counts, rank, attributes)
-        comm.Barrier()
-    errors = [each for each in comm.allgather(error) if each is not None]
-    if errors:
-        raise OutputError(f"{path}: cannot be written ({errors[0]})")
-    on_root(comm, part.replace, path)
-
-
-def _write(part, data, counts, rank, attributes):
-    """Write the rows of a rank; return what went wrong, or None."""
-    import h5py
-
-    try:
-        with h5py.File(part, "w" if rank == 0 else "r+") as file:
-            for name, values in data.items():
-                if rank == 0:
-                    file.create_dataset(name, shape=(sum(each[name] for each in counts),) + values.shape[1:], dtype=values.dtype)
-                first = sum(each[name] for each in counts[:rank])
-                file[name][first : first + len(values)] = values
-            if rank == 0:
-                file.attrs.update(attributes)
-    except (OSError, RuntimeError, KeyError) as caught:
-        return str(caught).splitlines()[0]
-    return None
+    """Write {name: (n, ...) rows of this rank} and attributes to enrichment.h5, complete or not at all; see rows_file.write_file. Collective."""
+    write_file(comm, Path(directory) / NAME, data, attributes)
 
 
 def read_enrichment(directory):

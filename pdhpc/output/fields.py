@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pdhpc.output.record import OutputError, write_text
+from pdhpc.output.record import OutputError, part_of, write_text
 from pdhpc.output.rows_file import Rows, publish, reason, write_file
 from pdhpc.output.xdmf import xdmf_text
 from pdhpc.parallel.comm import agree_on_error, on_root
@@ -97,9 +97,9 @@ class FieldWriter:
         import h5py
 
         path = self.directory / "fields.h5"
-        part = path.with_name(path.name + ".part")
         try:
-            with h5py.File(part, "w") as file:
+            part = part_of(path)
+            with h5py.File(part, "w", libver=("v108", "latest")) as file:  # before HDF5 1.8 a list had at most 64 kB
                 for key, value in self.header.items():
                     file.attrs[key] = value if isinstance(value, (str, int, float)) else json.dumps(value)
                 file["points"] = h5py.ExternalLink("fields/points.h5", "/")
@@ -149,7 +149,7 @@ def _kept_frames(directory, step):
                 continue
             with h5py.File(path, "r") as file:
                 frames.append((name, at, time, {key: dataset.shape[1:] for key, dataset in file.items()}))
-    except (OSError, RuntimeError, KeyError) as error:
+    except (OSError, RuntimeError, KeyError, ValueError) as error:
         raise OutputError(f"{directory}: its fields cannot be continued ({reason(error)})") from error
     return frames, sizes, (kind.decode() if isinstance(kind, bytes) else kind) or None
 
@@ -181,6 +181,8 @@ def frame_times(directory):
     with h5py.File(Path(directory) / "fields.h5", "r") as file:
         attributes = file["frames"].attrs
         names = [name if isinstance(name, str) else name.decode() for name in attributes["names"]]
+        if not all(name.isdigit() for name in names):  # they become names of files
+            raise ValueError("a frame whose name is not a number")
         return list(zip(names, (int(step) for step in attributes["steps"]), (float(time) for time in attributes["times"])))
 
 

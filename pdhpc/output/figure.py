@@ -5,6 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
+from pdhpc.output.record import OutputError, part_of
+
 INK, PAPER = "#1b1f24", "white"
 _LINE = 64  # characters of a title in a line, which leaves room for what pictures add
 
@@ -111,11 +113,20 @@ def _record_of(directory):
 
 
 def save(figure, path):
-    """Write a picture whole or not at all; return its path."""
+    """Write a picture whole or not at all; return its path.
+
+    Raises
+    ------
+    OutputError: it cannot be written.
+    """
     import matplotlib.pyplot as plt
 
-    part = path.with_name(path.stem + ".part.png")
-    figure.savefig(part, dpi=130, facecolor=figure.get_facecolor())
-    plt.close(figure)
-    part.replace(path)
+    try:
+        part = part_of(path)
+        figure.savefig(part, dpi=130, facecolor=figure.get_facecolor())
+        part.replace(path)
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written ({error.strerror or error})") from error
+    finally:
+        plt.close(figure)
     return path

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-OWN_FILES = ("run.json", "history.csv", "fields.h5", "fields.xdmf", "enrichment.h5")
+OWN_FILES = ("run.json", "run.log", "history.csv", "fields.h5", "fields.xdmf", "enrichment.h5")
 OWN_FOLDERS = ("fields", "checkpoint")
 PICTURES = "*.png"
 
@@ -86,7 +86,7 @@ def claim_directory(path, overwrite):
             for file in (name, name + ".part"):
                 (path / file).unlink(missing_ok=True)
         for picture in path.glob(PICTURES):
-            if picture.is_file() and (picture.stem in _drawn() or picture.stem.startswith("curve_")):
+            if picture.is_file() and (picture.stem in _drawn() or picture.stem.startswith(("curve_", "tip_"))):
                 picture.unlink()
         for name in OWN_FOLDERS:
             folder = path / name
@@ -106,11 +106,23 @@ def _drawn():
     return ("damage", "deformed", "displacement", "energies", "enrichment", "fracture", "patches", "stress", "tip")
 
 
+def part_of(path):
+    """Return the name that a file has until it is complete. What stands there is removed, as it may be a link to another place. Local.
+
+    Raises
+    ------
+    OSError.
+    """
+    part = path.with_name(f"{path.stem}.part{path.suffix}" if path.suffix == ".png" else f"{path.name}.part")
+    part.unlink(missing_ok=True)
+    return part
+
+
 def write_text(path, text):
     """Replace a file by `text` in one step: readers see the old content or the new, never a part."""
     path = Path(path)
-    part = path.with_name(path.name + ".part")
     try:
+        part = part_of(path)
         with open(part, "w", encoding="utf-8") as file:
             file.write(text)
             file.flush()

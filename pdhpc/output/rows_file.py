@@ -1,11 +1,10 @@
 """HDF5 files that ranks write together, each its own rows of every dataset, complete or not at all."""
 import os
-import warnings
 from typing import NamedTuple
 
 import numpy as np
 
-from pdhpc.output.record import OutputError
+from pdhpc.output.record import OutputError, part_of
 from pdhpc.parallel.comm import abort, on_root
 
 
@@ -43,9 +42,8 @@ def write_file(comm, path, data, attributes):
     ------
     OutputError: on every rank, with the reason. Where parallel HDF5 fails on some ranks alone, whom others wait for inside it, the job is aborted with the sentence.
     """
-    on_root(comm, _make_room, path, comm.allreduce(sum(values.nbytes for values in data.values())))
-    part = path.with_name(path.name + ".part")
-    write = _write_together if _parallel_h5py() and comm.size > 1 else _write_in_turn
+    part = on_root(comm, _make_room, path, comm.allreduce(sum(values.nbytes for values in data.values())))
+    write = _write_together if comm.size > 1 and not takes_turns(comm) else _write_in_turn
     rows = dict(zip(data, Rows.of(comm, [len(values) for values in data.values()])))
     error = write(comm, part, data, rows, attributes)
     errors = [each for each in comm.allgather(error) if each is not None]
@@ -71,11 +69,9 @@ def _write_together(comm, part, data, rows, attributes):
 
 
 def _write_in_turn(comm, part, data, rows, attributes):
-    """Write one rank after the other, for an h5py without MPI; return what went wrong, or None."""
+    """Write one rank after the other; return what went wrong, or None."""
     import h5py
 
-    if comm.size > 1 and comm.rank == 0:
-        warnings.warn("this h5py is built without MPI: ranks write their rows one after the other", stacklevel=2)
     error = None
     for rank in range(comm.size):
         if rank == comm.rank:
@@ -115,10 +111,11 @@ def _write_rows(dataset, first, values):
     dataset.id.write(memory, target, np.ascontiguousarray(values), dxpl=transfer)
 
 
-def _parallel_h5py():
+def takes_turns(comm):
+    """Whether ranks write one after the other, for an h5py that is built without MPI. Local."""
     import h5py
 
-    return h5py.get_config().mpi
+    return comm.size > 1 and not h5py.get_config().mpi
 
 
 def reason(error):
@@ -127,14 +124,15 @@ def reason(error):
 
 
 def _make_room(path, size):
-    """Raise an OutputError unless the file system has room for so many bytes and what HDF5 adds."""
+    """Return the name that a file has until it is complete; an OutputError unless the file system has room for so many bytes and what HDF5 adds."""
     try:
-        system = os.statvfs(path.parent)
+        system, part = os.statvfs(path.parent), part_of(path)
     except OSError as error:
         raise OutputError(f"{path}: cannot be written ({error.strerror})") from error
     free = system.f_bavail * system.f_frsize
     if system.f_blocks and free < size + _OVERHEAD:
         raise OutputError(f"{path}: cannot be written (No space left on device: {free:,} bytes free, {size:,} needed)")
+    return part
 
 
 def _remove(path):

@@ -36,6 +36,28 @@ def test_round_trip(tmp_path, comm, dim):
         assert file.attrs["scene"] == '{"a": 1}' and file["frames/000007/damage"].shape == (5,) and file["points/id"][1] == 10
 
 
+def test_a_list_of_many_frames(tmp_path, comm):
+    """Lists of more than 64 kB do not fit into the headers of HDF5's oldest format."""
+    writer = FieldWriter(comm, tmp_path, {})
+    writer.write_points(np.arange(3), np.zeros((3, 2)), np.ones(3), np.zeros(3))
+    writer.frames = [(f"{step:06d}", step, 0.1 * step, {"damage": ()}) for step in range(10_000)]
+    writer.write_frame(10_000, 1000.0, {"damage": np.zeros(3)})
+    times = frame_times(tmp_path)
+    assert len(times) == 10_001 and times[-1] == ("010000", 10_000, 1000.0) and read_frame(tmp_path)[1] == 10_000
+
+
+def test_names_of_frames_are_no_paths(tmp_path, comm):
+    """A damaged list does not lead to the removal of files elsewhere."""
+    write(tmp_path / "out", comm)
+    (tmp_path / "elsewhere.h5").write_text("of somebody else")
+    with h5py.File(tmp_path / "out" / "fields.h5", "r+") as file:
+        file["frames"].attrs["names"] = ["000000", "000007", "x/../../../elsewhere"]
+    (tmp_path / "out" / "fields" / "frame_x").mkdir()
+    with pytest.raises(OutputError, match="its fields cannot be continued .a frame whose name is not a number"):
+        FieldWriter(comm, tmp_path / "out", {}).resume(np.arange(5) * 10, 7)
+    assert (tmp_path / "elsewhere.h5").exists()
+
+
 def test_meshio_reads_every_frame(tmp_path, comm, monkeypatch):
     import meshio
 

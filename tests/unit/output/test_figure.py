@@ -2,8 +2,10 @@ import json
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
-from pdhpc.output.figure import beside, crack_colours, figure_of, length_unit, planes_of, rounded, small_unit, squares, time_axis, time_text, title_of
+from pdhpc.output.figure import beside, crack_colours, figure_of, length_unit, planes_of, rounded, save, small_unit, squares, time_axis, time_text, title_of
+from pdhpc.output.record import OutputError
 
 BODY = SimpleNamespace(lower=np.zeros(3), upper=np.array([2.0, 1.0, 0.5]), spacing=0.0, dim=3)
 
@@ -22,6 +24,12 @@ def test_numbers_in_words(tmp_path):
     assert title_of(tmp_path) == tmp_path.name
     (tmp_path / "run.json").write_text(json.dumps({"title": "A plate"}))
     assert title_of(tmp_path) == "A plate"
+
+
+def test_a_disk_without_room(tmp_path):
+    figure, _ = figure_of(BODY, [(0, 1)])
+    with pytest.raises(OutputError, match=r"nowhere/a.png: cannot be written \(No such file or directory\)"):
+        save(figure, tmp_path / "nowhere" / "a.png")
 
 
 def test_long_titles_take_two_lines_and_end_there(tmp_path):

@@ -24,6 +24,13 @@ def test_a_file_is_complete_or_not_there(tmp_path, comm, monkeypatch):
     assert not (tmp_path / "b.h5").exists()
 
 
+def test_links_are_not_followed(tmp_path, comm):
+    (tmp_path / "elsewhere").write_text("of somebody else")
+    (tmp_path / "a.h5.part").symlink_to(tmp_path / "elsewhere")
+    write_file(comm, tmp_path / "a.h5", {"x": np.zeros(3)}, {})
+    assert (tmp_path / "elsewhere").read_text() == "of somebody else" and (tmp_path / "a.h5").is_file()
+
+
 def test_what_the_system_says_is_said(tmp_path, comm):
     with pytest.raises(OutputError, match=r"nowhere/a.h5: cannot be written \(.*No such file or directory.*\)"):
         write_file(comm, tmp_path / "nowhere" / "a.h5", {"x": np.zeros(1)}, {})
