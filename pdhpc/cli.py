@@ -29,12 +29,12 @@ def _parser():
     run.add_argument("scene", metavar="SCENE")
     run.add_argument("-o", "--output", metavar="DIR", required=True, help="folder for run.json, fields.h5, history.csv and pictures")
     run.add_argument("--overwrite", action="store_true", help="replace the run that DIR holds")
-    run.add_argument("--quiet", action="store_true", help="no progress, no table")
+    _add_talk(run)
     _add_set(run)
     run.set_defaults(action=_run)
     restart = commands.add_parser("restart", help="go on with a run from its last checkpoint, on any number of ranks", epilog="Options after -- go to PETSc.")
     restart.add_argument("directory", metavar="DIR")
-    restart.add_argument("--quiet", action="store_true", help="no progress, no table")
+    _add_talk(restart)
     restart.add_argument("--set", action="append", default=[], metavar="section.key=value", dest="overrides",
                          help="change time.end, or keys of output and checkpoint; may be repeated")
     restart.set_defaults(action=_restart)
@@ -72,6 +72,12 @@ def _parser():
     _add_set(chart)
     chart.set_defaults(action=_chart)
     return parser
+
+
+def _add_talk(parser):
+    talk = parser.add_mutually_exclusive_group()
+    talk.add_argument("--quiet", action="store_true", help="no progress, no table")
+    talk.add_argument("--verbose", action="store_true", help="the lines of the log, DIR/run.log, as they come")
 
 
 def _add_set(parser):
@@ -120,8 +126,9 @@ def _run(options):
     scene = read_on_root(options.scene, options.overrides, comm)
     on_root(comm, check_directory, options.output, options.overwrite)
     use_options(options.petsc_options)
+    _show_log(options, comm)
     simulation = Simulation(scene, comm, options.petsc_options)
-    record = simulation.run(options.output, options.overwrite, options.quiet)
+    record = simulation.run(options.output, options.overwrite, options.quiet or options.verbose)
     if comm.rank == 0:
         _finish_on_root(scene, record, options.output, options.quiet)
     return 0
@@ -137,11 +144,20 @@ def _restart(options):
     saved = on_root(comm, find, options.directory)
     scene = scene_of(saved[0], options.directory, options.overrides)
     use_options(options.petsc_options)
+    _show_log(options, comm)
     simulation = Simulation(scene, comm, options.petsc_options)
-    record = simulation.resume(options.directory, saved, options.quiet)
+    record = simulation.resume(options.directory, saved, options.quiet or options.verbose)
     if comm.rank == 0:
         _finish_on_root(scene, record, options.directory, options.quiet)
     return 0
+
+
+def _show_log(options, comm):
+    """Print lines of the log on rank 0 of a verbose run."""
+    if options.verbose and comm.rank == 0:
+        from pdhpc.output.log import show_log
+
+        show_log()
 
 
 def _finish_on_root(scene, record, directory, quiet):
@@ -214,7 +230,7 @@ def _view(options):
     try:
         scene = scene_from_dict(json.loads(record.read_text(encoding="utf-8"))["scene"], str(record))
         pictures = _draw(options.directory, scene, **_view_of(options, scene))
-    except SceneError:
+    except (SceneError, OutputError):
         raise
     except (OSError, KeyError, ValueError, IndexError, TypeError, MemoryError, RuntimeError) as damage:  # what h5py, json and numpy say of damaged files
         words = " ".join(str(damage).split()) or type(damage).__name__

@@ -1,9 +1,11 @@
 """Going on with a run: which checkpoints there are, what scene they are of, and a problem set to the state of one."""
 import math
+from pathlib import Path
 from typing import NamedTuple
 
 from pdhpc.output.checkpoint import Damaged, generations, read_header, restore
 from pdhpc.output.record import OutputError
+from pdhpc.provenance import checksum
 from pdhpc.scene.read import changed_scene
 from pdhpc.scene.schema import SceneError
 
@@ -23,7 +25,7 @@ def find(directory):
 
     Raises
     ------
-    OutputError: there is none; exit_code 2.
+    OutputError: there is none, or a file that the scene names is not what it was when the run read it; exit_code 2.
     """
     found, damage = [], []
     for path in generations(directory):
@@ -35,7 +37,22 @@ def find(directory):
         error = OutputError(f"{directory}: {'; '.join(damage) or 'no checkpoint found'}; allowed is the folder of a run that saved its state")
         error.exit_code = 2
         raise error
+    _check_files(found[0])
     return found
+
+
+def _check_files(saved):
+    """Raise an OutputError unless the files that a run read are there as they were."""
+    for name, digest in saved.header.get("files", {}).items():
+        path = Path(saved.header["scene_file"]).parent / name
+        try:
+            wrong = None if checksum(path) == digest else "is not what it was when the run read it"
+        except OSError as caught:
+            wrong = f"cannot be read ({caught.strerror})"
+        if wrong:
+            error = OutputError(f"{path}: {wrong}; allowed is the file with SHA-256 {digest}, as {saved.path} needs it")
+            error.exit_code = 2
+            raise error
 
 
 def scene_of(saved, directory, overrides):

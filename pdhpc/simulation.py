@@ -5,7 +5,6 @@
 """
 import contextlib
 import platform
-import subprocess
 import time
 from pathlib import Path
 
@@ -19,9 +18,12 @@ from pdhpc.observers.progress import Progress
 from pdhpc.output.checkpoint import write_checkpoint
 from pdhpc.output.fields import FieldWriter
 from pdhpc.output.history import History
+from pdhpc.output.log import LOG, RunLog
 from pdhpc.output.record import Lock, OutputError, claim_directory, write_json
+from pdhpc.output.rows_file import takes_turns
 from pdhpc.parallel.comm import agree_on_error, on_root, world
 from pdhpc.parallel.linear_solver import SolverError, start_petsc, unused_options
+from pdhpc.provenance import checksums, commit, hosts_of, introduction, versions
 from pdhpc.restart import go_on
 from pdhpc.run import RunError, StopRequested, drive
 from pdhpc.scene.body import law_of, path_of
@@ -41,16 +43,20 @@ class Simulation:
     Attributes
     ----------
     scene : Scene. problem : this rank's share. stepper : what advances it, at its current step. energies, probes, tips, fragments : gauges.
+    hosts : {name: ranks}. files : {name: SHA-256} of those that the scene names. seconds : {phase: s}. warnings : [sentence].
     """
 
     def __init__(self, scene, comm=None, petsc_options=()):
         """Build the scene. Collective over `comm` (default: all ranks). petsc_options : words handed to PETSc, of which those that nothing used are a warning."""
-        started = time.perf_counter()
+        self._started = started = time.perf_counter()
         self.comm = world() if comm is None else comm
         check_room(scene, self.comm)
-        self.scene, self._petsc_options = scene, petsc_options
+        self.scene, self._petsc_options, self._log = scene, petsc_options, None
+        self.hosts, self.files = hosts_of(self.comm), on_root(self.comm, checksums, scene)
+        LOG.debug("compiling kernels, or loading them")
         _compile_first_on_each_node(self.comm, scene)
         compiled = time.perf_counter()
+        LOG.debug("setting up")
         self.problem = build(scene, self.comm)
         with _solver_errors():
             self.stepper = self.problem.stepper()
@@ -59,6 +65,8 @@ class Simulation:
         self.coupling = self.problem.coupling(self.stepper, self.comm)
         self.seconds = {"compile": compiled - started, "setup": time.perf_counter() - compiled}
         self.warnings = unused(scene) + list(self.problem.warnings)
+        if takes_turns(self.comm):
+            self.warnings.append("this h5py is built without MPI: ranks write their rows one after the other")
 
     @classmethod
     def from_file(cls, path, overrides=(), comm=None):
@@ -80,7 +88,8 @@ class Simulation:
             return self._drive(None, self._observers(None, quiet))
         with self._alone(directory):
             on_root(self.comm, claim_directory, str(directory), overwrite)
-            return self._drive(directory, self._observers(directory, quiet))
+            with self._logged(directory):
+                return self._drive(directory, self._observers(directory, quiet))
 
     def resume(self, directory, saved, quiet=False):
         """Go on from the newest of the checkpoints `saved` (restart.Saved) that can be read, and write to the same directory. Collective.
@@ -89,7 +98,7 @@ class Simulation:
         ---------------
         as run; OutputError: no checkpoint can be read, or none is of this scene.
         """
-        with self._alone(directory):
+        with self._alone(directory), self._logged(directory):
             return self._drive(directory, self._restored(directory, saved, quiet), resumed=True)
 
     @contextlib.contextmanager
@@ -98,17 +107,47 @@ class Simulation:
         lock = Lock()
         on_root(self.comm, lock.take, str(directory))
         warning = self.comm.bcast(lock.warning)
-        self.warnings += [warning] if warning else []
+        self._warn([warning] if warning else [])
         try:
             yield
         finally:
             lock.release()
 
+    @contextlib.contextmanager
+    def _logged(self, directory):
+        """Keep the log of the run meanwhile: how it began, and how it ended. Collective."""
+        log = self._log = RunLog(self.comm, directory)
+        try:
+            for line in introduction(self):
+                LOG.info(line)
+            for warning in self.warnings:
+                LOG.warning(warning)
+            yield
+            LOG.info(f"done: {self.stepper.step} steps, {time.perf_counter() - self._started:.1f} s in all")
+        except StopRequested as stop:
+            LOG.info(str(stop))
+            raise
+        except (RunError, OutputError) as error:
+            LOG.error(str(error))
+            raise
+        except Exception:
+            LOG.critical(f"rank {self.comm.rank} of {self.comm.size}", exc_info=True)
+            raise
+        finally:
+            log.close()
+
+    def _warn(self, sentences):
+        """Take sentences into run.json and the log. Local."""
+        self.warnings += sentences
+        for sentence in sentences:
+            LOG.warning(sentence)
+
     def _restored(self, directory, saved, quiet):
         """Return the observers of a run whose state is that of a checkpoint. Collective."""
         observers = self._observers(directory, quiet)
         entries = {key: entry for each in (self.stepper, *observers) for key, entry in each.state().items()}
-        self.warnings += go_on(self.comm, saved, self.problem, entries)
+        self._warn(go_on(self.comm, saved, self.problem, entries))
+        LOG.info(f"goes on from step {self.stepper.step}")
         with _solver_errors():
             self.stepper.resume()
         return observers
@@ -133,11 +172,11 @@ class Simulation:
                     self._write(directory, {**self._record("failed"), **status})
             raise
         if self.energies.latest and self.energies.relative_error() > _LARGE_BALANCE_ERROR:
-            self.warnings.append(f"the energy balance is off by {self.energies.relative_error():.1%} of the largest energy: run it once more with half of time.safety; what"
-                                 " remains is not of the step")
+            self._warn([f"the energy balance is off by {self.energies.relative_error():.1%} of the largest energy: run it once more with half of time.safety; what"
+                        " remains is not of the step"])
         if self.coupling is not None:
-            self.warnings += self.coupling.warnings()
-        self.warnings += self.problem.remarks(self.comm) + unused_options(self._petsc_options)
+            self._warn(self.coupling.warnings())
+        self._warn(self.problem.remarks(self.comm) + unused_options(self._petsc_options) + ([] if self._log is None else self._log.warnings()))
         record = self._record("done")
         if writes:
             self._write(directory, record)
@@ -148,7 +187,6 @@ class Simulation:
         problem, scene = self.problem, self.scene
         frames = steps_of(scene.output_times(), problem.dt, problem.n_steps)
         rows = steps_of(sorted(set(scene.history_times()) | set(scene.output_times())), problem.dt, problem.n_steps)
-        progress = Progress(problem.n_steps, scene.time.end, quiet or self.comm.rank > 0)
         observers = [FiniteGuard(self.comm, frames), *self.tips, *problem.guards(self.stepper, self.comm, frames)]
         coupling = [] if self.coupling is None else [self.coupling]
         if directory is not None:
@@ -160,14 +198,14 @@ class Simulation:
             observers.append(Checkpoints(self.comm, self._saver(directory, observers), scene.checkpoint, problem.n_steps))
         else:
             observers.append(HistoryOutput(_Nowhere(), [self.energies, *coupling], [problem.n_steps]))
-        return observers + [progress]
+        return observers + ([Progress(problem.n_steps, quiet)] if self.comm.rank == 0 else [])
 
     def _saver(self, directory, observers):
         """Return the function that writes a checkpoint."""
         def save(stepper):
             entries = {key: entry for each in (stepper, *observers) for key, entry in each.state().items()}
             header = {"step": stepper.step, "time": stepper.time, "dt": self.problem.dt, "scene": self.scene.given(), "scene_file": str(Path(self.scene.source).absolute()),
-                      "versions": versions(), "host": platform.node()}
+                      "files": self.files, "versions": versions(), "host": platform.node()}
             write_checkpoint(self.comm, directory, header, entries)
 
         return save
@@ -192,6 +230,8 @@ class Simulation:
             "versions": versions(),
             "commit": commit(),
             "host": platform.node(),
+            "hosts": self.hosts,
+            "files": self.files,
             "ranks": comm.size,
             **problem.sizes(stepper, comm),
             "method": self.scene.method,
@@ -237,28 +277,6 @@ def read_on_root(path, overrides, comm):
     """Return the Scene of a file that rank 0 reads; a SceneError is raised on every rank. Collective."""
     text = on_root(comm, read_text, path)
     return parse_scene(text, str(path), overrides)
-
-
-def versions():
-    """Return the versions of pdhpc and of what it runs on."""
-    import h5py
-    import mpi4py
-    import numba
-
-    packages = {"pdhpc": __version__, "python": platform.python_version(), "numpy": np.__version__, "numba": numba.__version__, "mpi4py": mpi4py.__version__}
-    return {**packages, "h5py": h5py.__version__}
-
-
-def commit():
-    """Return the git commit of the package's checkout, with "+" when it is modified, or None."""
-    folder = Path(__file__).parent
-    if not (folder.parent / ".git").exists():
-        return None
-    try:
-        words = ["git", "-C", str(folder), "describe", "--always", "--dirty=+", "--abbrev=12"]
-        return subprocess.run(words, capture_output=True, text=True, timeout=10, check=True).stdout.strip()
-    except (OSError, subprocess.SubprocessError):
-        return None
 
 
 def _compile_first_on_each_node(comm, scene):

@@ -2,6 +2,7 @@
 import signal
 import time
 
+from pdhpc.output.log import LOG
 from pdhpc.parallel.comm import most_of_each
 from pdhpc.run import Observer, StopRequested
 
@@ -70,8 +71,10 @@ class Checkpoints(Observer):
         return asked
 
     def _save(self, stepper):
+        began = time.monotonic()
         self._write(stepper)
         self._written_at, self._last = time.monotonic(), stepper.step
+        LOG.info(f"checkpoint of step {stepper.step}, {self._written_at - began:.3g} s")
         self._asked = 0 if self._asked == 1 else self._asked
 
     def finish(self, stepper):

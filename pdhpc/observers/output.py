@@ -1,6 +1,7 @@
 """Output of fields and of history rows at their steps."""
 import numpy as np
 
+from pdhpc.output.log import LOG
 from pdhpc.run import Observer
 
 
@@ -23,6 +24,7 @@ class FieldOutput(Observer):
         stepper.view.prepare()
         self.writer.write_frame(stepper.step, stepper.time, {name: self._field(stepper, name) for name in self.names})
         self._last = stepper.step
+        LOG.info(f"frame of step {stepper.step}, t = {stepper.time:.6g} s")
 
     def salvage(self, stepper):
         """Write the state of a step that failed. Collective."""

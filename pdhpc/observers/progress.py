@@ -1,8 +1,9 @@
-"""Progress: a bar on a terminal, plain lines in a batch log; rank 0 only."""
+"""Progress: a bar on a terminal, plain lines in a batch job's output and in the log; rank 0 only."""
 import os
 import sys
 import time
 
+from pdhpc.output.log import LOG
 from pdhpc.run import Observer
 
 _LINES = 10
@@ -11,17 +12,17 @@ _LINES = 10
 class Progress(Observer):
     """Show step, time and rate. Local: nothing is sent."""
 
-    def __init__(self, n_steps, end, quiet=False):
-        self.n_steps, self.end = n_steps, end
-        self.every = 0 if quiet else max(1, n_steps // 200)
+    def __init__(self, n_steps, quiet=False):
+        self.n_steps, self.quiet = n_steps, quiet
+        self.every = max(1, n_steps // 200)
         self._bar = self._task = None
         self._terminal = _on_terminal()
-        self._started = None
+        self._started, self._first = None, 0
 
     def start(self, stepper):
         """Open the bar."""
-        self._started = time.perf_counter()
-        if self.every and self._terminal:
+        self._started, self._first = time.perf_counter(), stepper.step
+        if self._terminal and not self.quiet:
             from rich.console import Console
             from rich.progress import BarColumn, Progress as Bar, TextColumn, TimeRemainingColumn
 
@@ -38,9 +39,13 @@ class Progress(Observer):
         """Move the bar, or print a line every tenth of the run; every time where a stepper has something to say of its last step."""
         if self._bar:
             self._bar.update(self._task, completed=stepper.step, at=f"t = {stepper.time:.3e} s{self._note(stepper)}")
-        elif self._note(stepper) or stepper.step * _LINES // self.n_steps > (stepper.step - self.every) * _LINES // self.n_steps:
+        if self._note(stepper) or stepper.step * _LINES // self.n_steps > (stepper.step - self.every) * _LINES // self.n_steps:
             elapsed = time.perf_counter() - self._started
-            print(f"step {stepper.step}/{self.n_steps}  t = {stepper.time:.4e} s  {elapsed:.1f} s elapsed  {stepper.step / elapsed:.1f} steps/s{self._note(stepper)}", flush=True)
+            rate = (stepper.step - self._first) / elapsed
+            line = f"step {stepper.step}/{self.n_steps}  t = {stepper.time:.4e} s  {elapsed:.1f} s elapsed  {rate:.1f} steps/s{self._note(stepper)}"
+            LOG.info(line)
+            if not (self._bar or self.quiet):
+                print(line, flush=True)
 
     def _note(self, stepper):
         """Return what the stepper says of its last step, if it says anything."""

@@ -1,5 +1,6 @@
 """Communicators, errors that every rank agrees on, and sums that do not depend on the number of ranks."""
 import contextlib
+import logging
 import math
 import sys
 import traceback
@@ -34,6 +35,7 @@ def _install_abort_hook(comm):
 
 def abort(comm, sentence):
     """End the whole job with exit code 1 and a sentence: others wait for this rank where no error of its own can reach them. Local."""
+    logging.getLogger("pdhpc").critical(sentence)
     sys.stderr.write(f"pdhpc: {sentence}\n")
     sys.stderr.flush()
     comm.Abort(1)

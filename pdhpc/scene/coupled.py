@@ -70,6 +70,11 @@ class CoupledProblem(Problem):
         mesh = self.coupled_parts.mesh
         return {**super().sizes(stepper, comm), "cells": mesh.n_global_cells, "vertices": mesh.n_global_vertices}
 
+    def share(self):
+        """Return {what: number} of this rank's part of the body, for the log. Local."""
+        mesh = self.coupled_parts.mesh
+        return {"cells": mesh.n_owned_cells, "vertices": mesh.n_owned, **super().share()}
+
     def work(self, stepper, comm, seconds):
         """Return what run.json says of the work done in `seconds` of stepping, the mean over ranks. Collective."""
         evaluations = sum(int(comm.allreduce(count)) for count in stepper.bond_evaluations.values())

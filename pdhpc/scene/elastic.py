@@ -75,6 +75,11 @@ class ElasticProblem(Uncoupled):
             "partition_of_unity": fem.partition_of_unity,
         }
 
+    def share(self):
+        """Return {what: number} of this rank's part of the body, for the log. Local."""
+        mesh = self.body.mesh
+        return {"cells": mesh.n_owned_cells, "vertices": mesh.n_owned, "ghost vertices": len(mesh.points) - mesh.n_owned}
+
     def work(self, stepper, comm, seconds):
         """Return what run.json says of the work done in `seconds` of stepping, the mean over ranks. Collective."""
         mesh = self.body.mesh

@@ -103,6 +103,12 @@ class Problem(Uncoupled):
             "materials": strengths(self.body),
         }
 
+    def share(self):
+        """Return {what: number} of this rank's part of the body, for the log. Local."""
+        names = ("coarse ", "fine ") if len(self.parts) > 1 else ("",)
+        return {f"{name}{what}": number for name, part in zip(names, self.parts) for what, number in (
+            ("particles", part.subdomain.particles.n_owned), ("ghosts", part.subdomain.particles.n_ghost), ("directed bonds", part.subdomain.bonds.n_directed))}
+
     def work(self, stepper, comm, seconds):
         """Return what run.json says of the work done in `seconds` of stepping, the mean over ranks. Collective."""
         per_rank = [sum(steps * part.subdomain.bonds.n_directed for steps, part in zip((1, self.m), self.parts)),

@@ -245,6 +245,11 @@ class Scene(Table):
         return any(body.file is not None for body in self.body)
 
     @property
+    def files(self):
+        """Sorted names of the files that make the bodies, as the scene has them: from its own folder."""
+        return sorted({each.file for each in ([self.mesh] if self.mesh is not None else []) + self.body if each.file is not None})
+
+    @property
     def pitch(self):
         """Side of the cells that fill the bodies, m: of the lattice, or of the mesh alone."""
         return self.particles.spacing if self.uses_lattice else self.mesh.cell_size

@@ -180,7 +180,7 @@ def _launch(study, path, ranks):
 
 def commit_of_program():
     """Return the git commit of the program with "+" when it is modified, or its version."""
-    from pdhpc.simulation import commit, versions
+    from pdhpc.provenance import commit, versions
 
     return commit() or versions()["pdhpc"]
 

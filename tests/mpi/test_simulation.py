@@ -1,7 +1,10 @@
 """A growing crack on all ranks against the same run on one, on either path, for either model."""
+import platform
+
 import numpy as np
 import pytest
 
+from pdhpc.provenance import introduction
 from pdhpc.scene.read import parse_scene
 from pdhpc.scene.schema import SceneError
 from pdhpc.simulation import Simulation
@@ -40,6 +43,20 @@ def same_as_on_one_rank(comm, scene):
     for name in ("energies", "broken_bonds", "particles", "bonds", "bond_evaluations", "critical_dt", "path", "tips"):
         assert record[name] == reference[name], name
     return together, record
+
+
+@pytest.mark.mpi(min_size=2)
+def test_a_log_says_how_ranks_share_the_body(comm):
+    """40 x 40 particles in all; the job is on this machine alone."""
+    simulation = Simulation(parse_scene(plate((40, 40)), "p", ["output.frames=1"]), comm)
+    lines, own = introduction(simulation), simulation.problem.share()
+    assert simulation.hosts == {platform.node(): comm.size} and comm.allreduce(own["particles"]) == 1600
+    shares = comm.gather(own)
+    if comm.rank == 0:
+        assert f"{comm.size} ranks: {comm.size} on {platform.node()}" in lines
+        counts = [each["particles"] for each in shares]
+        assert any(line.startswith(f"a rank has particles {min(counts)} to {max(counts)} (mean {1600 / comm.size:,.1f}), ghosts ") for line in lines)
+        assert all(any(line.startswith(f"rank {rank}: {count} particles, {shares[rank]['ghosts']} ghosts") for line in lines) for rank, count in enumerate(counts))
 
 
 @pytest.mark.mpi(min_size=2)

@@ -98,6 +98,16 @@ def test_bad_scenes_on_any_number_of_ranks(tmp_path, ranks):
         assert not (tmp_path / "out").exists()
 
 
+def test_a_verbose_run_prints_its_log(tmp_path):
+    words = "run", write(tmp_path, plate((4, 4))), "-o", tmp_path / "out", "--set", "output.frames=1"
+    done = pdhpc(*words, "--verbose")
+    log = (tmp_path / "out" / "run.log").read_text().splitlines()
+    assert done.returncode == 0 and set(log) <= set(done.stdout.splitlines()) and "INFO" in log[0] and any("INFO      step " in line for line in log)
+    done = pdhpc(*words, "--quiet", "--overwrite")
+    assert done.returncode == 0 and done.stdout == "" and len((tmp_path / "out" / "run.log").read_text().splitlines()) == len(log)
+    assert pdhpc(*words, "--quiet", "--verbose", "--overwrite").returncode == 2
+
+
 def test_unused_petsc_options_are_named(tmp_path):
     done = pdhpc("run", write(tmp_path, plate((4, 4))), "-o", tmp_path / "out", "--set", "output.frames=1", "--", "-ksp_view", "-foo", "3")
     assert done.returncode == 0

@@ -4,7 +4,7 @@ import json
 import numpy as np
 import pytest
 
-from pdhpc.output.checkpoint import generations
+from pdhpc.output.checkpoint import generations, read_header
 from pdhpc.output.fields import frame_times, read_frame
 from pdhpc.output.record import OutputError
 from pdhpc.restart import find, scene_of
@@ -119,6 +119,31 @@ def test_files_of_bodies_are_found_from_anywhere(tmp_path, comm, monkeypatch):
     record = Simulation(read_scene("scene.toml", ["output.frames=1"]), comm).run("out", quiet=True)
     monkeypatch.chdir("/")
     assert resume(tmp_path / "out", comm)["broken_bonds"] == record["broken_bonds"]
+
+
+def test_files_of_bodies_must_be_what_the_run_read(tmp_path, comm):
+    write_table(tmp_path / "points.txt", cracked((8, 6)))
+    scene = parse_scene(cracked((8, 6), body='shape = "table"\nfile = "points.txt"') + "\n[checkpoint]\n", str(tmp_path / "scene.toml"), ["output.frames=1"])
+    assert list(Simulation(scene, comm).run(tmp_path / "out", quiet=True)["files"]) == ["points.txt"]
+    text = (tmp_path / "points.txt").read_text()
+    (tmp_path / "points.txt").write_text(text + "# a word more\n")
+    with pytest.raises(OutputError, match="points.txt: is not what it was when the run read it; allowed is the file with SHA-256 ") as caught:
+        find(tmp_path / "out")
+    assert caught.value.exit_code == 2
+    (tmp_path / "points.txt").unlink()
+    with pytest.raises(OutputError, match="points.txt: cannot be read .No such file or directory.; allowed is"):
+        find(tmp_path / "out")
+    (tmp_path / "points.txt").write_text(text)
+    assert find(tmp_path / "out")
+
+
+def test_the_log_goes_on(tmp_path, comm):
+    run(tmp_path, comm, plate((6, 4)), ["output.frames=2"], at_end="true")
+    resume(tmp_path, comm, ["time.end=80.0"])
+    lines = [line.split("  ")[-1] for line in (tmp_path / "run.log").read_text().splitlines()]
+    steps = read_header(generations(tmp_path)[0])["step"]
+    assert sum(line.startswith("command: ") for line in lines) == 2 and lines[-1].startswith(f"done: {steps} steps, ")
+    assert any(line.startswith("goes on from step ") for line in lines) and sum(line.startswith("checkpoint of step ") for line in lines) == 2
 
 
 def test_the_load_path_of_a_body_at_rest_is_fixed(tmp_path, comm):

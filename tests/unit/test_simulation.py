@@ -32,6 +32,15 @@ def test_a_run_leaves_everything(tmp_path, comm):
     assert len(read_points(tmp_path / "out")["id"]) == 96
 
 
+def test_an_error_that_nobody_expects_is_in_the_log(tmp_path, comm, monkeypatch):
+    simulation = Simulation(parse_scene(plate((4, 4)), "t", ["output.frames=1"]), comm)
+    monkeypatch.setattr(simulation.energies, "read", lambda stepper: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        simulation.run(tmp_path, quiet=True)
+    text = (tmp_path / "run.log").read_text()
+    assert "CRITICAL  rank 0 of 1\nTraceback (most recent call last):" in text and text.endswith("ZeroDivisionError: division by zero\n")
+
+
 def test_a_second_run_needs_overwrite(tmp_path, comm):
     scene = parse_scene(plate((4, 4)), "t", ["output.frames=1"])
     Simulation(scene, comm).run(tmp_path, quiet=True)
@@ -47,6 +56,7 @@ def test_an_unstable_step_ends_with_an_error_and_a_record(tmp_path, comm, frames
     with pytest.raises(RunError, match=words), np.errstate(all="ignore"):
         Simulation(scene, comm).run(tmp_path, quiet=True)
     record = json.loads((tmp_path / "run.json").read_text())
+    assert f"ERROR     {record['error']}" in (tmp_path / "run.log").read_text().splitlines()[-1]
     assert record["status"] == "failed" and words in record["error"] and "above the critical step" in record["warnings"][0]
 
 

@@ -12,7 +12,7 @@ class Steps:
 
 def test_a_batch_log_gets_ten_plain_lines(capsys, monkeypatch):
     monkeypatch.setattr(progress, "_on_terminal", lambda: False)
-    drive(Steps(), 1000, [progress.Progress(1000, 1.0)], {})
+    drive(Steps(), 1000, [progress.Progress(1000)], {})
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == 10 and lines[-1].startswith("step 1000/1000")
 
@@ -21,19 +21,19 @@ def test_what_a_stepper_says_is_printed_every_step(capsys, monkeypatch):
     monkeypatch.setattr(progress, "_on_terminal", lambda: False)
     stepper = Steps()
     stepper.note = "residual 1e-7"
-    drive(stepper, 30, [progress.Progress(30, 1.0)], {})
+    drive(stepper, 30, [progress.Progress(30)], {})
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == 30 and lines[0].endswith("  residual 1e-7")
 
 
 def test_quiet_says_nothing(capsys):
-    drive(Steps(), 50, [progress.Progress(50, 1.0, quiet=True)], {})
+    drive(Steps(), 50, [progress.Progress(50, quiet=True)], {})
     assert capsys.readouterr().out == ""
 
 
 def test_a_terminal_gets_a_bar(capsys, monkeypatch):
     monkeypatch.setattr(progress, "_on_terminal", lambda: True)
-    drive(Steps(), 50, [progress.Progress(50, 1.0)], {})
+    drive(Steps(), 50, [progress.Progress(50)], {})
     assert "50/50" in capsys.readouterr().out
 
 
