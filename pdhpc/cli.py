@@ -215,13 +215,11 @@ def _check(options):
 def _view(options):
     from pathlib import Path
 
-    from pdhpc.output.record import OutputError
+    from pdhpc.output.record import OutputError, refusal
 
     record = Path(options.directory) / "run.json"
     if not record.is_file():
-        error = OutputError(f"{options.directory}: no run.json found; allowed is the output folder of a run")
-        error.exit_code = EXIT_BAD_INPUT
-        raise error
+        raise refusal(f"{options.directory}: no run.json found; allowed is the output folder of a run")
     import json
 
     from pdhpc.scene.read import scene_from_dict
@@ -234,9 +232,7 @@ def _view(options):
         raise
     except (OSError, KeyError, ValueError, IndexError, TypeError, MemoryError, RuntimeError) as damage:  # what h5py, json and numpy say of damaged files
         words = " ".join(str(damage).split()) or type(damage).__name__
-        error = OutputError(f"{options.directory}: its files cannot be read ({words}); allowed is the folder of a run as it was left")
-        error.exit_code = EXIT_BAD_INPUT
-        raise error from None
+        raise refusal(f"{options.directory}: its files cannot be read ({words}); allowed is the folder of a run as it was left") from None
     for path in pictures:
         print(path)
     return 0

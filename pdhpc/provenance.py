@@ -92,9 +92,10 @@ def describe_shares(comm, share):
 
 
 def checksums(scene):
-    """Return {name: SHA-256} of the files that a scene names and that are there. Local."""
-    paths = {name: Path(scene.source).parent / name for name in scene.files}
-    return {name: checksum(path) for name, path in paths.items() if path.is_file()}
+    """Return ({name: SHA-256} of the files that a scene names and that are there, SHA-256 of its own or None). Local."""
+    own = Path(scene.source)
+    paths = {name: own.parent / name for name in scene.files}
+    return {name: checksum(path) for name, path in paths.items() if path.is_file()}, checksum(own) if own.is_file() else None
 
 
 def checksum(path):

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from pdhpc.output.checkpoint import Damaged, generations, read_header, restore
-from pdhpc.output.record import OutputError
+from pdhpc.output.record import refusal
 from pdhpc.provenance import checksum
 from pdhpc.scene.read import changed_scene
 from pdhpc.scene.schema import SceneError
@@ -34,11 +34,17 @@ def find(directory):
         except Damaged as error:
             damage.append(str(error))
     if not found:
-        error = OutputError(f"{directory}: {'; '.join(damage) or 'no checkpoint found'}; allowed is the folder of a run that saved its state")
-        error.exit_code = 2
-        raise error
+        raise refusal(f"{directory}: {'; '.join(damage) or 'no checkpoint found'}; allowed is the folder of a run that saved its state")
     _check_files(found[0])
     return found
+
+
+def remarks(saved):
+    """Return [a sentence] if the scene's file is no longer what it was: it is not read again. Local."""
+    path, digest = Path(saved.header["scene_file"]), saved.header.get("scene_sha256")
+    if digest is None or not path.is_file() or checksum(path) == digest:
+        return []
+    return [f"{path} was changed since the run began, which goes on with the scene as it was; allowed to change are time.end and keys of output and checkpoint, by --set"]
 
 
 def _check_files(saved):
@@ -50,9 +56,7 @@ def _check_files(saved):
         except OSError as caught:
             wrong = f"cannot be read ({caught.strerror})"
         if wrong:
-            error = OutputError(f"{path}: {wrong}; allowed is the file with SHA-256 {digest}, as {saved.path} needs it")
-            error.exit_code = 2
-            raise error
+            raise refusal(f"{path}: {wrong}; allowed is the file with SHA-256 {digest}, as {saved.path} needs it")
 
 
 def scene_of(saved, directory, overrides):
@@ -92,15 +96,13 @@ def go_on(comm, saved, problem, entries):
             continue
         warnings += [words for words in (each.warning, damage) if words]
         return [f"{'; '.join(warnings)}: the run goes on from step {each.header['step']}"] if warnings else []
-    raise OutputError(damage)
+    raise refusal(f"{damage}; allowed is a checkpoint as the run left it")
 
 
 def _check_step(saved, problem):
     """Raise an OutputError unless a problem has the step of a checkpoint, and an end behind it."""
     dt, step = saved.header["dt"], saved.header["step"]
     if not math.isclose(dt, problem.dt, rel_tol=_SAME):
-        raise OutputError(f"{saved.path}: was written with a step of {dt:.12g} s, where this scene has {problem.dt:.12g} s: it belongs to another scene or version")
+        raise refusal(f"{saved.path}: was written with a step of {dt:.12g} s, where this scene has {problem.dt:.12g} s; allowed is a checkpoint of this scene and version")
     if step > problem.n_steps:
-        error = OutputError(f"{saved.path}: is of step {step}, t = {step * dt:.6g} s; allowed is a time.end of at least that")
-        error.exit_code = 2
-        raise error
+        raise refusal(f"{saved.path}: is of step {step}, t = {step * dt:.6g} s; allowed is a time.end of at least that")

@@ -22,6 +22,9 @@ class Observer:
     def start(self, stepper):
         """Look at the initial state. Collective."""
 
+    def take_up(self, stepper):
+        """Look at what the run that goes on has left, before anything is changed; raise what keeps it from going on. Collective."""
+
     def resume(self, stepper):
         """Look at the state that a run goes on from, in the place of `start`. Collective."""
 

@@ -24,9 +24,8 @@ from pdhpc.output.rows_file import takes_turns
 from pdhpc.parallel.comm import agree_on_error, on_root, world
 from pdhpc.parallel.linear_solver import SolverError, start_petsc, unused_options
 from pdhpc.provenance import checksums, commit, hosts_of, introduction, versions
-from pdhpc.restart import go_on
+from pdhpc.restart import go_on, remarks
 from pdhpc.run import RunError, StopRequested, drive
-from pdhpc.scene.body import law_of, path_of
 from pdhpc.scene.build import build
 from pdhpc.scene.gauges import make_fragments, make_gauges
 from pdhpc.scene.mesh_rules import unused
@@ -52,7 +51,7 @@ class Simulation:
         self.comm = world() if comm is None else comm
         check_room(scene, self.comm)
         self.scene, self._petsc_options, self._log = scene, petsc_options, None
-        self.hosts, self.files = hosts_of(self.comm), on_root(self.comm, checksums, scene)
+        self.hosts, self.files, self._digest = hosts_of(self.comm), *on_root(self.comm, checksums, scene)
         LOG.debug("compiling kernels, or loading them")
         _compile_first_on_each_node(self.comm, scene)
         compiled = time.perf_counter()
@@ -146,10 +145,12 @@ class Simulation:
         """Return the observers of a run whose state is that of a checkpoint. Collective."""
         observers = self._observers(directory, quiet)
         entries = {key: entry for each in (self.stepper, *observers) for key, entry in each.state().items()}
-        self._warn(go_on(self.comm, saved, self.problem, entries))
+        self._warn(go_on(self.comm, saved, self.problem, entries) + on_root(self.comm, remarks, saved[0]))
         LOG.info(f"goes on from step {self.stepper.step}")
         with _solver_errors():
             self.stepper.resume()
+        for each in observers:
+            each.take_up(self.stepper)
         return observers
 
     def _drive(self, directory, observers, resumed=False):
@@ -205,7 +206,7 @@ class Simulation:
         def save(stepper):
             entries = {key: entry for each in (stepper, *observers) for key, entry in each.state().items()}
             header = {"step": stepper.step, "time": stepper.time, "dt": self.problem.dt, "scene": self.scene.given(), "scene_file": str(Path(self.scene.source).absolute()),
-                      "files": self.files, "versions": versions(), "host": platform.node()}
+                      "scene_sha256": self._digest, "files": self.files, "versions": versions(), "host": platform.node()}
             write_checkpoint(self.comm, directory, header, entries)
 
         return save
@@ -288,29 +289,7 @@ def _compile_first_on_each_node(comm, scene):
     node = comm.Split_type(MPI.COMM_TYPE_SHARED)
     with agree_on_error(comm):
         if node.rank == 0:
-            _compile(scene, MPI.COMM_SELF)
+            from pdhpc.warm_up import compile_scene
+
+            compile_scene(scene, MPI.COMM_SELF)
     node.Free()
-
-
-def _compile(scene, comm):
-    """Compile the kernels that a scene uses; comm : of this process alone. Local."""
-    from pdhpc.scene.mesh_warm_up import compile_coupled, compile_mesh
-    from pdhpc.warm_up import compile_coupling, compile_equilibrium, compile_fragments, compile_interactions, compile_kernels, compile_points, variant_of
-
-    if scene.uses_mesh:
-        (compile_mesh if scene.model == "fem" else compile_coupled)(scene, comm)
-    if scene.model != "fem":
-        path, model, linear = path_of(scene), scene.material[0].model, scene.particles.kinematics == "linear"
-        variant = variant_of(law_of(scene), scene.particles.surface_correction)
-        compile_kernels((scene.dim,), (path,), (model,), (linear,), variant)
-        if scene.stands_still:
-            compile_equilibrium(scene.dim, path, model, linear, variant)
-        elif scene.method != "single":
-            compile_coupling(scene.dim, path, model, linear)
-        if scene.fragments is not None:
-            compile_fragments(scene.dim, path, variant)
-        if scene.brings_points:
-            compile_points(scene.dim, comm)
-        if scene.contact is not None or scene.impactor:
-            contact = scene.contact
-            compile_interactions(scene.dim, path, model, comm, contact is not None and (contact.friction > 0 or contact.damping > 0), variant)

@@ -46,6 +46,7 @@ from pdhpc.peridynamics.pieces import label_pieces
 from pdhpc.peridynamics.relaxation import Relaxation
 from pdhpc.peridynamics.subdomain import make_subdomain, mark_mixed
 from pdhpc.peridynamics.surface import correct_surfaces
+from pdhpc.scene.body import law_of, path_of
 from pdhpc.scene.face_area import area_over_volume
 
 PATHS, MODELS = ("lattice", "cloud"), ("pmb", "lps")
@@ -79,6 +80,29 @@ class Variant(NamedTuple):
     softening: float = 0.0
     modulus: Optional[float] = None
     influence: str = "constant"
+
+
+def compile_scene(scene, comm):
+    """Compile the kernels that a scene uses; comm : of this process alone. Local."""
+    if scene.uses_mesh:
+        from pdhpc.scene.mesh_warm_up import compile_coupled, compile_mesh
+
+        (compile_mesh if scene.model == "fem" else compile_coupled)(scene, comm)
+    if scene.model != "fem":
+        path, model, linear = path_of(scene), scene.material[0].model, scene.particles.kinematics == "linear"
+        variant = variant_of(law_of(scene), scene.particles.surface_correction)
+        compile_kernels((scene.dim,), (path,), (model,), (linear,), variant)
+        if scene.stands_still:
+            compile_equilibrium(scene.dim, path, model, linear, variant)
+        elif scene.method != "single":
+            compile_coupling(scene.dim, path, model, linear)
+        if scene.fragments is not None:
+            compile_fragments(scene.dim, path, variant)
+        if scene.brings_points:
+            compile_points(scene.dim, comm)
+        if scene.contact is not None or scene.impactor:
+            contact = scene.contact
+            compile_interactions(scene.dim, path, model, comm, contact is not None and (contact.friction > 0 or contact.damping > 0), variant)
 
 
 def variant_of(law, correction):

@@ -30,9 +30,13 @@ class FieldOutput(Observer):
         """Write the state of a step that failed. Collective."""
         self.observe(stepper)
 
+    def take_up(self, stepper):
+        """Find the frames that are there. Collective."""
+        self.writer.take_up(stepper.view.ids, stepper.step)
+
     def resume(self, stepper):
         """Go on behind the frames that are there. Collective."""
-        self.writer.resume(stepper.view.ids, stepper.step)
+        self.writer.resume()
         self._last = self.writer.frames[-1][1] if self.writer.frames else None
 
     def _field(self, stepper, name):
@@ -63,9 +67,13 @@ class HistoryOutput(Observer):
         """Append a row of a step that failed. Collective."""
         self.observe(stepper)
 
+    def take_up(self, stepper):
+        """Find the rows that are there. Collective."""
+        self._last = self.history.take_up(stepper.step)
+
     def resume(self, stepper):
         """Go on behind the rows that are there; gauges look at the present state. Collective."""
-        self._last = self.history.resume(stepper.step)
+        self.history.resume()
         stepper.view.prepare()
         for gauge in self.gauges:
             gauge.read(stepper)

@@ -32,6 +32,8 @@ _PIECE = 1 << 16  # rows under one checksum
 class Damaged(OutputError):
     """A checkpoint that cannot be trusted: one sentence with the reason."""
 
+    exit_code = 2
+
 
 def write_checkpoint(comm, directory, header, entries):
     """Write a checkpoint into DIR/checkpoint and remove all but the two newest. Collective.

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pdhpc.output.record import OutputError, part_of, write_text
+from pdhpc.output.record import OutputError, part_of, refusal, write_text
 from pdhpc.output.rows_file import Rows, publish, reason, write_file
 from pdhpc.output.xdmf import xdmf_text
 from pdhpc.parallel.comm import agree_on_error, on_root
@@ -35,7 +35,7 @@ class FieldWriter:
     def __init__(self, comm, directory, header):
         """header: dict with what every file carries: resolved scene, version, ranks."""
         self.comm, self.directory, self.header = comm, Path(directory), dict(header)
-        self.frames = []  # (name, step, time, {field: components})
+        self.frames, self._later = [], []  # (name, step, time, {field: components}); paths of frames that are not of this run any more
         self._points, self._cells, self._kind = Rows(0, 0, 0), Rows(0, 0, 0), None
         self._rows = None  # of this rank's points in the file, where they are not those of this rank's turn
         on_root(comm, _make_folder, self.directory / "fields")
@@ -61,16 +61,15 @@ class FieldWriter:
         self.frames.append((name, step, time, {key: values.shape[1:] for key, values in data.items()}))
         on_root(self.comm, self._write_masters)
 
-    def resume(self, id, step):
-        """Go on after `step` of a run whose points and frames are there; later frames are removed. id (n,) int64, as given to write_points.
+    def take_up(self, id, step):
+        """Find the points and the frames up to `step` of a run, behind which `resume` goes on. id (n,) int64, as given to write_points.
 
         Raises
         ------
-        OutputError: the files of the run cannot be read, or hold other points.
+        OutputError: the files of the run cannot be read, or hold other points; exit_code 2.
         """
         comm = self.comm
-        kept, (n_points, n_cells), kind = on_root(comm, _kept_frames, self.directory, step)
-        self.frames, self._kind = kept, kind
+        self.frames, self._later, (n_points, n_cells), self._kind = on_root(comm, _frames_there, self.directory, step)
         self._cells, self._points = Rows(0, 0, n_cells), Rows(0, 0, n_points)
         first, last = n_points * comm.rank // comm.size, n_points * (comm.rank + 1) // comm.size
         with agree_on_error(comm):
@@ -78,11 +77,15 @@ class FieldWriter:
         try:
             rows, = fetch_rows(comm, there, [np.arange(first, last)], np.asarray(id, np.int64))
         except KeyError:
-            raise OutputError(f"{self.directory}: its fields are of other points") from None
+            raise _unfit(self.directory, "they are of other points") from None
         mine, = Rows.of(comm, [len(id)])
         in_turn = np.array_equal(rows, np.arange(mine.first, mine.first + len(id)))
         self._rows = None if comm.allreduce(int(in_turn)) == comm.size else rows
-        on_root(comm, self._write_masters)
+
+    def resume(self):
+        """Remove later frames than those that `take_up` found, and list these. Collective."""
+        on_root(self.comm, self._write_masters)
+        on_root(self.comm, _remove, self._later)
 
     def _in_order(self, data):
         """Return {key: rows} of this rank's share of the file's rows, in their order: ranks are other ones than those that wrote the points. Collective."""
@@ -133,25 +136,34 @@ def _make_folder(path):
         raise OutputError(f"{path}: cannot be created ({error.strerror})") from error
 
 
-def _kept_frames(directory, step):
-    """Return ([frame] up to a step as FieldWriter lists them, (points, cells), kind of the cells), and remove the later ones; rank 0."""
+def _frames_there(directory, step):
+    """Return ([frame] up to a step as FieldWriter lists them, paths of the later ones, (points, cells), kind of the cells); rank 0."""
     import h5py
 
     try:
         with h5py.File(directory / "fields" / "points.h5", "r") as file:
             sizes = len(file["id"]), len(file["cells"]) if "cells" in file else 0
             kind = file.attrs["cell_kind"]
-        frames = []
+        frames, later = [], []
         for name, at, time in frame_times(directory):
             path = directory / "fields" / f"frame_{name}.h5"
             if at > step:
-                path.unlink(missing_ok=True)
+                later.append(path)
                 continue
             with h5py.File(path, "r") as file:
                 frames.append((name, at, time, {key: dataset.shape[1:] for key, dataset in file.items()}))
-    except (OSError, RuntimeError, KeyError, ValueError) as error:
-        raise OutputError(f"{directory}: its fields cannot be continued ({reason(error)})") from error
-    return frames, sizes, (kind.decode() if isinstance(kind, bytes) else kind) or None
+    except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
+        raise _unfit(directory, reason(error)) from error
+    return frames, later, sizes, (kind.decode() if isinstance(kind, bytes) else kind) or None
+
+
+def _unfit(directory, why):
+    return refusal(f"{directory}: its fields cannot be continued ({why}); allowed are fields.h5 and fields/ as the run left them")
+
+
+def _remove(paths):
+    for path in paths:
+        path.unlink(missing_ok=True)
 
 
 def _read_ids(directory, first, last):
@@ -159,9 +171,9 @@ def _read_ids(directory, first, last):
 
     try:
         with h5py.File(directory / "fields" / "points.h5", "r") as file:
-            return file["id"][first:last]
-    except (OSError, RuntimeError, KeyError) as error:
-        raise OutputError(f"{directory}: its fields cannot be continued ({reason(error)})") from error
+            return np.asarray(file["id"][first:last], np.int64)
+    except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
+        raise _unfit(directory, reason(error)) from error
 
 
 def read_points(directory):

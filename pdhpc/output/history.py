@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pdhpc.output.record import OutputError, write_text
+from pdhpc.output.record import OutputError, refusal, write_text
 from pdhpc.parallel.comm import on_root
 
 
@@ -16,34 +16,42 @@ class History:
     def __init__(self, path, columns, comm):
         """columns: names with units, such as "time [s]". Local: the file is made by `begin` or taken up by `resume`."""
         self.path, self.columns, self.comm = Path(path), list(columns), comm
+        self._kept = None
 
     def begin(self):
         """Write the header, and nothing else. Collective."""
         on_root(self.comm, self._write, "w", self.columns)
 
-    def resume(self, step):
-        """Keep the rows up to a step; return the last one, or -1. Collective.
+    def take_up(self, step):
+        """Read the rows up to a step, which `resume` keeps; return the last step, or -1. Collective.
 
         Raises
         ------
-        OutputError: the file cannot be read, or has other columns.
+        OutputError: the file cannot be read, or has other columns; exit_code 2.
         """
-        return on_root(self.comm, self._keep, step)
+        return on_root(self.comm, self._read, step)
 
-    def _keep(self, step):
+    def resume(self):
+        """Leave in the file the rows that `take_up` read. Collective."""
+        on_root(self.comm, self._keep)
+
+    def _read(self, step):
         try:
             with open(self.path, newline="", encoding="utf-8") as file:
                 rows = list(csv.reader(file.read().split("\n")[:-1]))
-        except (OSError, UnicodeDecodeError) as error:
-            raise OutputError(f"{self.path}: cannot be continued ({getattr(error, 'strerror', None) or error})") from error
-        if not rows or rows[0] != self.columns:
-            raise OutputError(f"{self.path}: cannot be continued: its columns are not those of this run")
-        number = self.columns.index("step")
-        kept = [row for row in rows[1:] if len(row) == len(self.columns) and int(row[number]) <= step]
+            if not rows or rows[0] != self.columns:
+                raise ValueError("its columns are not those of this run")
+            number = self.columns.index("step")
+            self._kept = [row for row in rows[1:] if len(row) == len(self.columns) and int(row[number]) <= step]
+        except (OSError, ValueError, csv.Error) as error:
+            raise refusal(f"{self.path}: cannot be continued ({getattr(error, 'strerror', None) or error}); allowed is the history as the run left it") from error
+        return int(self._kept[-1][number]) if self._kept else -1
+
+    def _keep(self):
         text = io.StringIO()
-        csv.writer(text, lineterminator="\n").writerows([self.columns, *kept])
+        csv.writer(text, lineterminator="\n").writerows([self.columns, *self._kept])
         write_text(self.path, text.getvalue())
-        return int(kept[-1][number]) if kept else -1
+        self._kept = None
 
     def append(self, row):
         """Append {column: value}; numbers keep every digit. Collective."""

@@ -1,4 +1,5 @@
 """The output folder and its small files: claimed once, written whole or not at all."""
+import errno
 import json
 import math
 import os
@@ -10,6 +11,7 @@ import numpy as np
 OWN_FILES = ("run.json", "run.log", "history.csv", "fields.h5", "fields.xdmf", "enrichment.h5")
 OWN_FOLDERS = ("fields", "checkpoint")
 PICTURES = "*.png"
+_LOCKED = ".lock"
 
 
 class OutputError(RuntimeError):
@@ -18,7 +20,8 @@ class OutputError(RuntimeError):
     exit_code = 1
 
 
-def _refusal(sentence):
+def refusal(sentence):
+    """Return the OutputError of a folder or a file that must not be used as it is: exit_code 2."""
     error = OutputError(sentence)
     error.exit_code = 2
     return error
@@ -28,15 +31,15 @@ def check_directory(path, overwrite):
     """Raise an OutputError unless a run may be written to `path`; change nothing."""
     path = Path(path)
     if path.exists() and not path.is_dir():
-        raise _refusal(f"{path}: is a file; allowed is a folder, or a name that does not exist yet")
+        raise refusal(f"{path}: is a file; allowed is a folder, or a name that does not exist yet")
     held = [name for name in OWN_FILES + OWN_FOLDERS if (path / name).exists()]
     if held and not overwrite:
-        raise _refusal(f"{path}: holds another run ({held[0]}); allowed is an empty or new folder, or --overwrite")
+        raise refusal(f"{path}: holds another run ({held[0]}); allowed is an empty or new folder, or --overwrite")
     existing = next(folder for folder in [path, *path.absolute().parents] if folder.exists())
     if not existing.is_dir():
-        raise _refusal(f"{path}: {existing} is a file; allowed is a path below folders")
+        raise refusal(f"{path}: {existing} is a file; allowed is a path below folders")
     if not os.access(existing, os.W_OK | os.X_OK):
-        raise _refusal(f"{path}: {existing} is not writable; allowed is a folder you may write to")
+        raise refusal(f"{path}: {existing} is not writable; allowed is a folder you may write to")
 
 
 class Lock:
@@ -55,19 +58,28 @@ class Lock:
         ------
         OutputError: another job holds it, or the folder cannot be made; exit_code 2.
         """
-        import fcntl
-
         try:
             Path(path).mkdir(parents=True, exist_ok=True)
-            self._held = os.open(path, os.O_RDONLY)
-            fcntl.flock(self._held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            try:
+                self._hold(path, os.O_RDONLY)
+            except OSError as error:
+                if error.errno != errno.EBADF:
+                    raise
+                self.release()
+                self._hold(Path(path) / _LOCKED, os.O_RDWR | os.O_CREAT)  # on NFS only what is open for writing can be locked
         except BlockingIOError:
             self.release()
-            raise _refusal(f"{path}: another job writes to it now; allowed is another folder, or to wait for its end") from None
+            raise refusal(f"{path}: another job writes to it now; allowed is another folder, or to wait for its end") from None
         except OSError as error:
             if self._held is None:
-                raise _refusal(f"{path}: cannot be used as output folder ({error.strerror})") from error
+                raise refusal(f"{path}: cannot be used as output folder ({error.strerror})") from error
             self.warning = f"{path}: this file system knows no locks ({error.strerror}): nothing keeps a second job from writing there"
+
+    def _hold(self, path, flags):
+        import fcntl
+
+        self._held = os.open(path, flags)
+        fcntl.flock(self._held, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
     def release(self):
         """Let the folder go."""
@@ -98,7 +110,7 @@ def claim_directory(path, overwrite):
                 if not any(folder.iterdir()):
                     shutil.rmtree(folder)
     except OSError as error:
-        raise _refusal(f"{path}: cannot be used as output folder ({error.strerror})") from error
+        raise refusal(f"{path}: cannot be used as output folder ({error.strerror})") from error
 
 
 def _drawn():

@@ -214,24 +214,29 @@ def try_checkpoint(comm, path, content):
         assert np.array_equal(entry.get(), right[key].get()), f"{key} was read wrong"
 
 
-def try_view(folder, name, content):
-    """Hold that a run with a damaged file is drawn, or refused in one sentence and exit code 2."""
-    before = (folder / name).read_bytes()
-    (folder / name).write_bytes(content)
-    said = io.StringIO()
-    try:
-        with in_time(name), contextlib.redirect_stderr(said), contextlib.redirect_stdout(io.StringIO()), np.errstate(all="ignore"), warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            main(["view", str(folder)])
-    except SystemExit as done:
-        assert done.code in (0, 2), said.getvalue()
-        assert done.code == 0 or len(said.getvalue().splitlines()) == 1, said.getvalue()
-    finally:
-        (folder / name).write_bytes(before)
+def try_run(folder, before, name, content):
+    """Hold that a run with a damaged file is drawn and gone on with, or refused in one sentence and exit code 2, as it was left.
+
+    before : {path: bytes} of the files of its folder.
+    """
+    for words in (["view", str(folder)], ["restart", str(folder), "--quiet"]):
+        (folder / name).write_bytes(content)
+        said = io.StringIO()
+        try:
+            with in_time(name), contextlib.redirect_stderr(said), contextlib.redirect_stdout(io.StringIO()), np.errstate(all="ignore"), warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                main(words)
+        except SystemExit as done:
+            assert done.code in (0, 2), said.getvalue()
+            assert done.code == 0 or len(said.getvalue().splitlines()) == 1, said.getvalue()
+            changed = [path.name for path, kept in before.items() if path.suffix != ".log" and path != folder / name and path.read_bytes() != kept]
+            assert done.code == 0 or not changed, f"{name} was damaged, {words[0]} refused, and changed {changed}: {said.getvalue()}"
+        for path, kept in before.items():
+            path.write_bytes(kept)
 
 
 def try_all(comm, times, folder):
-    """Try `times` broken scenes, a tenth as many tables, meshes and checkpoints, and a hundredth of each file of a run."""
+    """Try `times` broken scenes, a tenth as many tables, meshes and checkpoints, and a hundredth of each file of a run (of which there are ten)."""
     def tried(examples):
         return settings(max_examples=max(1, examples), deadline=None, derandomize=True, database=None, suppress_health_check=list(HealthCheck))
 
@@ -245,15 +250,18 @@ def try_all(comm, times, folder):
     tried(times // 10)(given(damaged(content))(lambda content: try_checkpoint(comm, path, content)))()
     if comm.size > 1:  # pictures are drawn by one
         return
-    Simulation(parse_scene(plate((6, 4)), "plate", ["output.frames=1"]), comm).run(folder / "run", quiet=True)
-    for file in (*(folder / "run").glob("*.[hcj]*"), *(folder / "run" / "fields").iterdir()):
-        each = partial(try_view, folder / "run", str(file.relative_to(folder / "run")))
+    text = plate((6, 4)) + "\n[checkpoint]\nsteps = 6\nat_end = false\n"
+    Simulation(parse_scene(text, "plate", ["output.frames=2", "output.pictures=false", "time.dt=0.5", "time.end=8.0"]), comm).run(folder / "run", quiet=True)
+    before = {path: path.read_bytes() for path in (folder / "run").rglob("*") if path.is_file()}
+    for file in before:
+        each = partial(try_run, folder / "run", before, str(file.relative_to(folder / "run")))
         tried(times // 100)(given(damaged(file.read_bytes()))(lambda content: each(content)))()
 
 
 if __name__ == "__main__":
-    from mpi4py import MPI
+    from pdhpc.parallel.comm import world
 
     with tempfile.TemporaryDirectory() as place:
-        try_all(MPI.COMM_SELF, int(sys.argv[1]) if len(sys.argv) > 1 else 2000, Path(place))
+        try_all(world(), int(sys.argv[1]) if len(sys.argv) > 1 else 2000, Path(world().bcast(place)))
+        world().Barrier()
     print("every one was accepted, or refused in one sentence")

@@ -23,9 +23,10 @@ def test_files_are_known_by_their_content(tmp_path):
     write_table(tmp_path / "points.txt", cracked((8, 6)))
     scene = parse_scene(cracked((8, 6), body='shape = "table"\nfile = "points.txt"'), str(tmp_path / "scene.toml"))
     digest = hashlib.sha256((tmp_path / "points.txt").read_bytes()).hexdigest()
-    assert checksums(scene) == {"points.txt": digest} and checksum(tmp_path / "points.txt") == digest
+    assert checksums(scene) == ({"points.txt": digest}, None) and checksum(tmp_path / "points.txt") == digest
     (tmp_path / "points.txt").unlink()
-    assert checksums(scene) == {}
+    (tmp_path / "scene.toml").write_bytes(b"abc")
+    assert checksums(scene) == ({}, "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad")  # FIPS 180-2, appendix B.1
 
 
 def test_the_first_lines_of_a_log(comm):

@@ -83,6 +83,21 @@ def test_a_damaged_newest_one_falls_back_to_the_older(tmp_path, comm, whole):
     assert caught.value.exit_code == 2
 
 
+def contents(folder):
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file() and path.name != "run.log"}
+
+
+@pytest.mark.parametrize("name", ["history.csv", "fields/points.h5", "fields.h5"])
+def test_a_run_whose_files_are_damaged_is_left_as_it_is(tmp_path, comm, name):
+    """Frames behind the checkpoint would be removed, and run.json written anew."""
+    run(tmp_path, comm, plate((6, 4)), ["output.frames=4", "time.dt=0.1", "time.end=8.0"], steps=50)
+    (tmp_path / name).write_bytes((tmp_path / name).read_bytes()[:100])
+    before = contents(tmp_path)
+    with pytest.raises(OutputError, match="cannot be continued .*; allowed ") as caught:
+        resume(tmp_path, comm)
+    assert caught.value.exit_code == 2 and contents(tmp_path) == before
+
+
 def test_what_may_not_change_is_refused_by_name(tmp_path, comm):
     run(tmp_path, comm, plate((4, 4)), ["output.frames=1", "time.end=8.0"], at_end="true")
     saved = find(tmp_path)
@@ -118,7 +133,11 @@ def test_files_of_bodies_are_found_from_anywhere(tmp_path, comm, monkeypatch):
     monkeypatch.chdir(tmp_path)
     record = Simulation(read_scene("scene.toml", ["output.frames=1"]), comm).run("out", quiet=True)
     monkeypatch.chdir("/")
-    assert resume(tmp_path / "out", comm)["broken_bonds"] == record["broken_bonds"]
+    again = resume(tmp_path / "out", comm)
+    assert again["broken_bonds"] == record["broken_bonds"] and again["warnings"] == record["warnings"]
+    with open(tmp_path / "scene.toml", "a") as file:
+        file.write("# changed\n")
+    assert f"{tmp_path / 'scene.toml'} was changed since the run began" in resume(tmp_path / "out", comm)["warnings"][-2]  # the last one is of the balance
 
 
 def test_files_of_bodies_must_be_what_the_run_read(tmp_path, comm):

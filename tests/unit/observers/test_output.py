@@ -30,8 +30,10 @@ def test_rows_of_all_gauges_once_each():
 
 def test_a_continued_history_begins_behind_its_rows():
     rows, view = [], SimpleNamespace(prepare=int)
-    output = HistoryOutput(SimpleNamespace(append=rows.append, resume=lambda step: step), [Gauge()], [])
-    output.resume(SimpleNamespace(step=2, time=0.2, view=view))
+    output = HistoryOutput(SimpleNamespace(append=rows.append, take_up=lambda step: step, resume=int), [Gauge()], [])
+    going_on = SimpleNamespace(step=2, time=0.2, view=view)
+    output.take_up(going_on)
+    output.resume(going_on)
     output.finish(SimpleNamespace(step=2, time=0.2, view=view))
     assert rows == [], "the row of the step that it goes on from is there"
     output.finish(SimpleNamespace(step=4, time=0.4, view=view))

@@ -54,7 +54,7 @@ def test_names_of_frames_are_no_paths(tmp_path, comm):
         file["frames"].attrs["names"] = ["000000", "000007", "x/../../../elsewhere"]
     (tmp_path / "out" / "fields" / "frame_x").mkdir()
     with pytest.raises(OutputError, match="its fields cannot be continued .a frame whose name is not a number"):
-        FieldWriter(comm, tmp_path / "out", {}).resume(np.arange(5) * 10, 7)
+        FieldWriter(comm, tmp_path / "out", {}).take_up(np.arange(5) * 10, 7)
     assert (tmp_path / "elsewhere.h5").exists()
 
 

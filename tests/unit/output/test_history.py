@@ -39,11 +39,18 @@ def test_a_continued_history_keeps_the_rows_up_to_its_step(tmp_path, comm):
     with open(tmp_path / "h.csv", "a") as file:
         file.write("15,")
     again = History(tmp_path / "h.csv", ["step", "a, b [m]"], comm)
-    assert again.resume(7) == 5
+    assert again.take_up(7) == 5 and len(read_history(tmp_path / "h.csv")["step"]) == 3
+    again.resume()
     again.append({"step": 8, "a, b [m]": 8 / 3})
     assert read_history(tmp_path / "h.csv")["a, b [m]"].tolist() == [0.0, 5 / 3, 8 / 3]
-    assert again.resume(4) == 0 and History(tmp_path / "h.csv", ["step", "a, b [m]"], comm).resume(-1) == -1
+    assert again.take_up(4) == 0 and History(tmp_path / "h.csv", ["step", "a, b [m]"], comm).take_up(-1) == -1
     with pytest.raises(OutputError, match="its columns are not those of this run"):
-        History(tmp_path / "h.csv", ["step"], comm).resume(4)
-    with pytest.raises(OutputError, match="cannot be continued"):
-        History(tmp_path / "other.csv", ["step"], comm).resume(4)
+        History(tmp_path / "h.csv", ["step"], comm).take_up(4)
+    for content in ("step\nx\n", "step\n1.5\n", "step\n\0\n", None):
+        if content is not None:
+            (tmp_path / "other.csv").write_text(content)
+        else:
+            (tmp_path / "other.csv").unlink()
+        with pytest.raises(OutputError, match="cannot be continued .*; allowed is the history as the run left it") as caught:
+            History(tmp_path / "other.csv", ["step"], comm).take_up(4)
+        assert caught.value.exit_code == 2

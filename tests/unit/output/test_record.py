@@ -1,5 +1,7 @@
+import errno
 import json
 import os
+import stat
 import subprocess
 import sys
 
@@ -84,6 +86,28 @@ def test_the_lock_of_a_job_that_was_killed_is_gone(tmp_path):
     lock = Lock()
     lock.take(tmp_path)
     lock.release()
+
+
+def test_folders_that_cannot_be_locked_hold_a_file_that_can(tmp_path, monkeypatch):
+    """As on NFS."""
+    import fcntl
+
+    flock = fcntl.flock
+
+    def nfs(descriptor, operation):
+        if stat.S_ISDIR(os.fstat(descriptor).st_mode):
+            raise OSError(errno.EBADF, "Bad file descriptor")
+        flock(descriptor, operation)
+
+    monkeypatch.setattr(fcntl, "flock", nfs)
+    one, other = Lock(), Lock()
+    one.take(tmp_path)
+    assert one.warning is None
+    with pytest.raises(OutputError, match="another job writes to it now"):
+        other.take(tmp_path)
+    one.release()
+    other.take(tmp_path)
+    other.release()
 
 
 def test_a_folder_without_locks_is_said(tmp_path, monkeypatch):

@@ -14,6 +14,7 @@ from numba.core.dispatcher import Dispatcher
 from mpi4py import MPI
 from pdhpc import simulation
 from pdhpc.scene.read import read_scene
+from pdhpc.warm_up import compile_scene
 
 def compiled():
     found = set()
@@ -25,7 +26,7 @@ def compiled():
     return found
 
 scene = read_scene(sys.argv[1], ["output.pictures=false", *sys.argv[3:]])
-simulation._compile(scene, MPI.COMM_SELF)
+compile_scene(scene, MPI.COMM_SELF)
 before = compiled()
 simulation._compile_first_on_each_node = lambda *arguments: None
 simulation.Simulation(scene, MPI.COMM_SELF).run(sys.argv[2], quiet=True)
