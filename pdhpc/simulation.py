@@ -20,7 +20,6 @@ from pdhpc.output.fields import FieldWriter
 from pdhpc.output.history import History
 from pdhpc.output.log import LOG, RunLog
 from pdhpc.output.record import Lock, OutputError, claim_directory, write_json
-from pdhpc.output.rows_file import takes_turns
 from pdhpc.parallel.comm import agree_on_error, on_root, world
 from pdhpc.parallel.linear_solver import SolverError, start_petsc, unused_options
 from pdhpc.provenance import checksums, commit, hosts_of, introduction, versions
@@ -64,8 +63,6 @@ class Simulation:
         self.coupling = self.problem.coupling(self.stepper, self.comm)
         self.seconds = {"compile": compiled - started, "setup": time.perf_counter() - compiled}
         self.warnings = unused(scene) + list(self.problem.warnings)
-        if takes_turns(self.comm):
-            self.warnings.append("this h5py is built without MPI: ranks write their rows one after the other")
 
     @classmethod
     def from_file(cls, path, overrides=(), comm=None):

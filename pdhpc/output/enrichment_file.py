@@ -19,7 +19,12 @@ NAME = "enrichment.h5"
 
 
 def write_enrichment(comm, directory, data, attributes):
-    """Write {name: (n, ...) rows of this rank} and attributes to enrichment.h5, complete or not at all; see rows_file.write_file. Collective."""
+    """Write {name: (n, ...) rows of this rank} and attributes to enrichment.h5, complete or not at all. Collective.
+
+    Raises
+    ------
+    OutputError: it cannot be written; on every rank.
+    """
     write_file(comm, Path(directory) / NAME, data, attributes)
 
 

@@ -15,8 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pdhpc.output.record import OutputError, part_of, refusal, write_text
-from pdhpc.output.rows_file import Rows, publish, reason, write_file
+from pdhpc.output.record import OutputError, refusal, write_text
+from pdhpc.output.rows_file import Rows, reason, write_file, write_small
 from pdhpc.output.xdmf import xdmf_text
 from pdhpc.parallel.comm import agree_on_error, on_root
 from pdhpc.parallel.travel import fetch_rows, send_rows
@@ -97,25 +97,22 @@ class FieldWriter:
 
     def _write_masters(self):
         """Write fields.h5 and fields.xdmf anew; rank 0."""
+        write_small(self.directory / "fields.h5", self._fill_master)
+        write_text(self.directory / "fields.xdmf", xdmf_text(self.frames, self._points.total, self._kind, self._cells.total))
+
+    def _fill_master(self, file):
+        """Put links to the frames and what every file carries into fields.h5."""
         import h5py
 
-        path = self.directory / "fields.h5"
-        try:
-            part = part_of(path)
-            with h5py.File(part, "w", libver=("v108", "latest")) as file:  # before HDF5 1.8 a list had at most 64 kB
-                for key, value in self.header.items():
-                    file.attrs[key] = value if isinstance(value, (str, int, float)) else json.dumps(value)
-                file["points"] = h5py.ExternalLink("fields/points.h5", "/")
-                frames = file.create_group("frames")
-                for name, _, _, _ in self.frames:
-                    frames[name] = h5py.ExternalLink(f"fields/frame_{name}.h5", "/")
-                frames.attrs["names"] = [name for name, _, _, _ in self.frames]
-                frames.attrs["times"] = [time for _, _, time, _ in self.frames]
-                frames.attrs["steps"] = [step for _, step, _, _ in self.frames]
-            publish(part, path)
-        except (OSError, RuntimeError) as error:
-            raise OutputError(f"{path}: cannot be written ({reason(error)})") from error
-        write_text(self.directory / "fields.xdmf", xdmf_text(self.frames, self._points.total, self._kind, self._cells.total))
+        for key, value in self.header.items():
+            file.attrs[key] = value if isinstance(value, (str, int, float)) else json.dumps(value)
+        file["points"] = h5py.ExternalLink("fields/points.h5", "/")
+        frames = file.create_group("frames")
+        for name, _, _, _ in self.frames:
+            frames[name] = h5py.ExternalLink(f"fields/frame_{name}.h5", "/")
+        frames.attrs["names"] = [name for name, _, _, _ in self.frames]
+        frames.attrs["times"] = [time for _, _, time, _ in self.frames]
+        frames.attrs["steps"] = [step for _, step, _, _ in self.frames]
 
 
 def _wide(values):

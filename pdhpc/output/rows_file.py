@@ -1,12 +1,13 @@
 """HDF5 files that ranks write together, each its own rows of every dataset, complete or not at all."""
+import contextlib
+import io
 import os
 from typing import NamedTuple
 
 import numpy as np
 
 from pdhpc.output.record import OutputError, part_of
-from pdhpc.parallel.comm import abort, on_root
-
+from pdhpc.parallel.comm import on_root
 
 _OVERHEAD = 1 << 16  # bytes of HDF5 beside the data, at most about
 
@@ -32,7 +33,8 @@ class Rows(NamedTuple):
 def write_file(comm, path, data, attributes):
     """Write a file under another name and rename it when it is complete. Collective.
 
-    Datasets are contiguous and uncompressed; rows lie in rank order.
+    Datasets are contiguous and uncompressed; rows lie in rank order. HDF5 makes the file without its rows, on rank 0; each rank then puts its rows where they
+    belong with plain system calls. These say what goes wrong, on the rank where it does: HDF5 does not survive a write that fails, and with MPI leaves ranks waiting.
 
     Parameters
     ----------
@@ -40,82 +42,83 @@ def write_file(comm, path, data, attributes):
 
     Raises
     ------
-    OutputError: on every rank, with the reason. Where parallel HDF5 fails on some ranks alone, whom others wait for inside it, the job is aborted with the sentence.
+    OutputError: on every rank, with the reason.
     """
-    part = on_root(comm, _make_room, path, comm.allreduce(sum(values.nbytes for values in data.values())))
-    write = _write_together if comm.size > 1 and not takes_turns(comm) else _write_in_turn
+    part, size = path.with_name(path.name + ".part"), comm.allreduce(sum(values.nbytes for values in data.values()))
     rows = dict(zip(data, Rows.of(comm, [len(values) for values in data.values()])))
-    error = write(comm, part, data, rows, attributes)
-    errors = [each for each in comm.allgather(error) if each is not None]
+    kinds = {name: ((rows[name].total, *values.shape[1:]), values.dtype) for name, values in data.items()}
+    places = on_root(comm, _outline, path, part, kinds, attributes, size)
+    errors = [each for each in comm.allgather(_fill(part, data, rows, places)) if each is not None]
     if errors:
         on_root(comm, _remove, part)
         raise OutputError(f"{path}: cannot be written ({errors[0]})")
     on_root(comm, publish, part, path)
 
 
-def _write_together(comm, part, data, rows, attributes):
-    """Write with parallel HDF5; return what went wrong, or None."""
+def _outline(path, part, kinds, attributes, size):
+    """Make a file of datasets {name: (shape, dtype)} without their rows, and return {name: byte at which they begin}."""
     import h5py
 
-    on_root(comm, _touch, part)
     try:
-        with h5py.File(part, "w", driver="mpio", comm=comm) as file:
-            _create(file, data, rows, comm.bcast(attributes))
-            for key, values in data.items():
-                _write_rows(file[key], rows[key].first, values)
+        part_of(path)
+        _make_room(path, part, size, sum(len(str(value)) for value in attributes.values()))
+        with h5py.File(part, "w") as file:
+            file.attrs.update(attributes)
+            return {name: _add_dataset(file, name, *kind) for name, kind in kinds.items()}
     except (OSError, RuntimeError, ValueError) as error:
-        abort(comm, f"{part}: cannot be written ({reason(error)})")
+        _remove(part)
+        raise OutputError(f"{path}: cannot be written ({reason(error)})") from error
+
+
+def _add_dataset(file, name, shape, dtype):
+    """Add a dataset that has its place in the file, to which nothing is written; return its first byte, None without any rows."""
+    from h5py import h5d, h5p, h5s, h5t
+
+    kind, link = h5p.create(h5p.DATASET_CREATE), h5p.create(h5p.LINK_CREATE)
+    kind.set_alloc_time(h5d.ALLOC_TIME_EARLY)
+    kind.set_fill_time(h5d.FILL_TIME_NEVER)
+    link.set_create_intermediate_group(True)
+    return h5d.create(file.id, name.encode(), h5t.py_create(dtype, logical=True), h5s.create_simple(shape), dcpl=kind, lcpl=link).get_offset()
+
+
+def _fill(part, data, rows, places):
+    """Write this rank's rows to their places; return what went wrong, or None. Local."""
+    try:
+        file = os.open(part, os.O_WRONLY)
+        try:
+            for name, values in data.items():
+                content = np.ascontiguousarray(values).reshape(-1).view(np.uint8)
+                at = (places[name] or 0) + rows[name].first * (len(content) // max(len(values), 1))
+                while len(content):
+                    written = os.pwrite(file, content, at)
+                    content, at = content[written:], at + written
+            os.fsync(file)
+        finally:
+            os.close(file)
+    except OSError as error:
+        return reason(error)
     return None
 
 
-def _write_in_turn(comm, part, data, rows, attributes):
-    """Write one rank after the other; return what went wrong, or None."""
+def write_small(path, fill):
+    """Write what fill(h5py.File) puts into a file, complete or not at all; HDF5 makes it in memory, see write_file. Local.
+
+    Raises
+    ------
+    OutputError.
+    """
     import h5py
 
-    error = None
-    for rank in range(comm.size):
-        if rank == comm.rank:
-            try:
-                with h5py.File(part, "w" if rank == 0 else "r+") as file:
-                    if rank == 0:
-                        _create(file, data, rows, attributes)
-                    for key, values in data.items():
-                        file[key][rows[key].first : rows[key].first + rows[key].count] = values
-            except (OSError, RuntimeError, KeyError) as caught:
-                error = reason(caught)
-        comm.Barrier()
-    return error
-
-
-def _create(file, data, rows, attributes):
-    for key, values in data.items():
-        file.create_dataset(key, shape=(rows[key].total,) + values.shape[1:], dtype=values.dtype)
-    for key, value in attributes.items():
-        file.attrs[key] = value
-
-
-def _write_rows(dataset, first, values):
-    """Write the rows of this rank, collectively with all others: a rank without rows selects nothing, but must take part, or the others wait for ever."""
-    from h5py import h5fd, h5p, h5s
-
-    memory = h5s.create_simple((max(1, len(values)),) + values.shape[1:])
-    target = dataset.id.get_space()
-    if values.size:
-        target.select_hyperslab((first,) + (0,) * (values.ndim - 1), values.shape)
-    else:
-        memory.select_none()
-        target.select_none()
-        values = np.zeros((1,) + values.shape[1:], values.dtype)
-    transfer = h5p.create(h5p.DATASET_XFER)
-    transfer.set_dxpl_mpio(h5fd.MPIO_COLLECTIVE)
-    dataset.id.write(memory, target, np.ascontiguousarray(values), dxpl=transfer)
-
-
-def takes_turns(comm):
-    """Whether ranks write one after the other, for an h5py that is built without MPI. Local."""
-    import h5py
-
-    return comm.size > 1 and not h5py.get_config().mpi
+    image = io.BytesIO()
+    with h5py.File(image, "w", libver=("v108", "latest")) as file:  # before HDF5 1.8 a list had at most 64 kB
+        fill(file)
+    try:
+        part = part_of(path)
+        part.write_bytes(image.getbuffer())
+    except OSError as error:
+        _remove(path.with_name(path.name + ".part"))
+        raise OutputError(f"{path}: cannot be written ({error.strerror})") from error
+    publish(part, path)
 
 
 def reason(error):
@@ -123,29 +126,22 @@ def reason(error):
     return getattr(error, "strerror", None) or str(error).splitlines()[0].split(": time =")[0]
 
 
-def _make_room(path, size):
-    """Return the name that a file has until it is complete; an OutputError unless the file system has room for so many bytes and what HDF5 adds."""
-    try:
-        system, part = os.statvfs(path.parent), part_of(path)
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written ({error.strerror})") from error
+def _make_room(path, part, size, more):
+    """Raise an OutputError or an OSError unless there is room for so many bytes, for `more` in attributes, and for what HDF5 adds."""
+    around = _OVERHEAD + more
+    system = os.statvfs(path.parent)
     free = system.f_bavail * system.f_frsize
-    if system.f_blocks and free < size + _OVERHEAD:
+    if system.f_blocks and free < size + around:
         raise OutputError(f"{path}: cannot be written (No space left on device: {free:,} bytes free, {size:,} needed)")
-    return part
+    with open(part, "wb") as file:
+        file.write(bytes(around))
+        file.flush()
+        file.truncate(size + around)
 
 
 def _remove(path):
-    path.unlink(missing_ok=True)
-
-
-def _touch(path):
-    """Try to create a file with plain system calls first: their errors say more than those of parallel HDF5."""
-    try:
-        with open(path, "wb"):
-            pass
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written ({error.strerror})") from error
+    with contextlib.suppress(OSError):
+        path.unlink(missing_ok=True)
 
 
 def publish(part, path):

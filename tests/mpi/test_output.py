@@ -40,9 +40,19 @@ def test_every_rank_writes_its_rows(comm, folder):
 
 
 @pytest.mark.mpi(min_size=2)
-def test_without_parallel_hdf5_ranks_write_in_turn(comm, folder, monkeypatch):
-    monkeypatch.setattr(rows_file, "takes_turns", lambda comm: True)
-    write(comm, folder)
+@pytest.mark.parametrize("failing", ["pwrite", "fsync"])
+def test_every_rank_hears_that_one_could_not_write(comm, folder, monkeypatch, failing):
+    def full(*words):
+        raise OSError(28, "No space left on device")
+
+    writer = write(comm, folder)
+    with monkeypatch.context() as here:
+        if comm.rank == 1:
+            here.setattr(rows_file.os, failing, full)
+        with pytest.raises(OutputError, match="frame_000005.h5: cannot be written .No space left on device"):
+            writer.write_frame(5, 0.6, {"damage": np.zeros(0 if comm.rank == comm.size - 1 and failing == "fsync" else 3 + comm.rank)})
+    comm.Barrier()
+    assert sorted(path.name for path in (folder / "fields").iterdir()) == ["frame_000004.h5", "points.h5"]
 
 
 @pytest.mark.mpi(min_size=2)

@@ -6,7 +6,7 @@ import pytest
 
 from pdhpc.output import rows_file
 from pdhpc.output.record import OutputError
-from pdhpc.output.rows_file import Rows, write_file
+from pdhpc.output.rows_file import Rows, write_file, write_small
 
 
 def test_rows_of_one_rank(comm):
@@ -42,3 +42,36 @@ def test_a_full_disk_is_seen_before_anything_is_written(tmp_path, comm, monkeypa
     with pytest.raises(OutputError, match="b.h5: cannot be written .No space left on device: 102,400 bytes free, 80,000 needed"):
         write_file(comm, tmp_path / "b.h5", {"x": np.zeros(10000)}, {})
     assert [each.name for each in tmp_path.iterdir()] == ["a.h5"]
+
+
+def test_a_write_that_takes_part_of_the_bytes_goes_on(tmp_path, comm, monkeypatch):
+    once, values = rows_file.os.pwrite, np.arange(5000.0).reshape(-1, 2)
+    monkeypatch.setattr(rows_file.os, "pwrite", lambda file, content, at: once(file, content[:777], at))
+    write_file(comm, tmp_path / "a.h5", {"n": np.arange(3), "x": values[:, ::-1]}, {})
+    with h5py.File(tmp_path / "a.h5") as file:
+        assert np.array_equal(file["x"][:], values[:, ::-1]) and file["n"][:].tolist() == [0, 1, 2]
+
+
+@pytest.fixture
+def quota():
+    """Function of the most bytes that a file may have from now on."""
+    import resource
+
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    yield lambda most: resource.setrlimit(resource.RLIMIT_FSIZE, (most, before[1]))
+    resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def test_a_quota_is_said_and_nothing_is_left(tmp_path, comm, quota):
+    """HDF5 would crash when it closes such a file."""
+    quota(100_000)
+    with pytest.raises(OutputError, match="a.h5: cannot be written .File too large"):
+        write_file(comm, tmp_path / "a.h5", {"x": np.zeros(10_000)}, {})
+    write_small(tmp_path / "b.h5", lambda file: file.create_dataset("x", data=np.arange(3)))
+    quota(100)
+    with pytest.raises(OutputError, match="c.h5: cannot be written .File too large"):
+        write_small(tmp_path / "c.h5", lambda file: file.create_dataset("x", data=np.zeros(3)))
+    quota(100_000)
+    with h5py.File(tmp_path / "b.h5") as file:
+        assert file["x"][:].tolist() == [0, 1, 2]
+    assert [path.name for path in tmp_path.iterdir()] == ["b.h5"]
