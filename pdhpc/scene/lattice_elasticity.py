@@ -52,7 +52,7 @@ def _agree(comm, own):
     own : {name: (n, ...)} of this rank's kinds; those that differ by rounding from one rank to another count as different.
     """
     shapes = {name: values.shape[1:] for name, values in own.items()}
-    flat = np.concatenate([values.reshape(len(values), -1) for values in own.values()], axis=1)
+    flat = np.concatenate([values.reshape(len(values), int(np.prod(shapes[name], dtype=int))) for name, values in own.items()], axis=1)
     rows, number = np.unique(np.concatenate(comm.allgather(flat)), axis=0, return_inverse=True)
     first = sum(comm.allgather(len(flat))[: comm.rank])
     kinds, column = {}, 0

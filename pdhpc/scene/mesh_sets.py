@@ -210,7 +210,7 @@ def set_initial_state(scene, sets, elasticity, nodes):
             matrix = np.zeros((scene.dim, scene.dim)) if gradient is None else np.asarray(gradient, float)
             values = offset @ matrix.T + (0.0 if constant is None else np.asarray(constant))
             gradients = np.broadcast_to(matrix, (len(members), scene.dim, scene.dim))
-            target[slots] += elasticity.basis.interpolated(sets.mesh, values, gradients).reshape(len(members), -1)
+            target[slots] += elasticity.basis.interpolated(sets.mesh, values, gradients).reshape(target[slots].shape)
         if about_axis is not None:
             unknowns = elasticity.basis.interpolated(sets.mesh, about_axis.velocity(places), about_axis.gradient(places))
-            nodes.velocity[slots] += unknowns.reshape(len(members), -1)
+            nodes.velocity[slots] += unknowns.reshape(nodes.velocity[slots].shape)
