@@ -11,7 +11,18 @@ def main(arguments=None):
     words, petsc_options = _split_petsc_options(words)
     options = _parser().parse_args(words)
     options.petsc_options = petsc_options
-    sys.exit(_report_errors(options))
+    try:
+        sys.exit(_report_errors(options))
+    except KeyboardInterrupt:
+        _die_of_interrupt()
+
+
+def _die_of_interrupt():
+    """End as SIGINT ends programs that do not listen to it, of which shells and mpirun know, and without a traceback of each rank."""
+    import signal
+
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    signal.raise_signal(signal.SIGINT)
 
 
 def _split_petsc_options(words):
@@ -116,12 +127,20 @@ def _is_root():
     return mpi is None or mpi.COMM_WORLD.rank == 0
 
 
+def _ignore_requests():
+    """Let SIGUSR1 do nothing where there is no state to save, before the first step and after the last: unheard it would end the job."""
+    import signal
+
+    signal.signal(signal.SIGUSR1, signal.SIG_IGN)
+
+
 def _run(options):
     from pdhpc.output.record import check_directory
     from pdhpc.parallel.comm import on_root, world
     from pdhpc.parallel.linear_solver import use_options
     from pdhpc.simulation import Simulation, read_on_root
 
+    _ignore_requests()
     comm = world()
     scene = read_on_root(options.scene, options.overrides, comm)
     on_root(comm, check_directory, options.output, options.overwrite)
@@ -140,6 +159,7 @@ def _restart(options):
     from pdhpc.restart import find, scene_of
     from pdhpc.simulation import Simulation
 
+    _ignore_requests()
     comm = world()
     saved = on_root(comm, find, options.directory)
     scene = scene_of(saved[0], options.directory, options.overrides)

@@ -19,8 +19,8 @@ from pdhpc.output.checkpoint import write_checkpoint
 from pdhpc.output.fields import FieldWriter
 from pdhpc.output.history import History
 from pdhpc.output.log import LOG, RunLog
-from pdhpc.output.record import Lock, OutputError, claim_directory, write_json
-from pdhpc.parallel.comm import agree_on_error, on_root, world
+from pdhpc.output.record import Lock, OutputError, claim_directory, note_failure, write_json
+from pdhpc.parallel.comm import agree_on_error, await_turn, on_root, world
 from pdhpc.parallel.linear_solver import SolverError, start_petsc, unused_options
 from pdhpc.provenance import checksums, commit, hosts_of, introduction, versions
 from pdhpc.restart import go_on, remarks
@@ -158,7 +158,7 @@ class Simulation:
         try:
             with _solver_errors():
                 drive(self.stepper, self.problem.n_steps, observers, self.seconds, resumed)
-        except Exception as error:
+        except BaseException as error:
             for each in observers:
                 each.close()
             if writes and isinstance(error, (RunError, OutputError, StopRequested)):  # these are raised on every rank
@@ -168,6 +168,9 @@ class Simulation:
                         for each in observers:
                             each.salvage(self.stepper)
                     self._write(directory, {**self._record("failed"), **status})
+            elif writes and isinstance(error, Exception):  # what others may not know of
+                await_turn(self.comm, error)
+                note_failure(directory, error, steps=self.stepper.step, time=self.stepper.time)
             raise
         if self.energies.latest and self.energies.relative_error() > _LARGE_BALANCE_ERROR:
             self._warn([f"the energy balance is off by {self.energies.relative_error():.1%} of the largest energy: run it once more with half of time.safety; what"
@@ -185,7 +188,8 @@ class Simulation:
         problem, scene = self.problem, self.scene
         frames = steps_of(scene.output_times(), problem.dt, problem.n_steps)
         rows = steps_of(sorted(set(scene.history_times()) | set(scene.output_times())), problem.dt, problem.n_steps)
-        observers = [FiniteGuard(self.comm, frames), *self.tips, *problem.guards(self.stepper, self.comm, frames)]
+        guards = [FiniteGuard(self.comm, frames), *problem.guards(self.stepper, self.comm, frames)]
+        observers = [*guards, *self.tips]
         coupling = [] if self.coupling is None else [self.coupling]
         if directory is not None:
             header = {"scene": scene.resolved(), "version": __version__, "ranks": self.comm.size}
@@ -193,14 +197,16 @@ class Simulation:
             observers += problem.outputs(self.comm, directory)
             gauges = [self.energies, *coupling, *self.probes, *self.tips, *([] if self.fragments is None else [self.fragments])]
             observers.append(HistoryOutput(History(Path(directory) / "history.csv", columns(gauges), self.comm), gauges, rows))
-            observers.append(Checkpoints(self.comm, self._saver(directory, observers), scene.checkpoint, problem.n_steps))
+            observers.append(Checkpoints(self.comm, self._saver(directory, observers, guards), scene.checkpoint, problem.n_steps))
         else:
             observers.append(HistoryOutput(_Nowhere(), [self.energies, *coupling], [problem.n_steps]))
         return observers + ([Progress(problem.n_steps, quiet)] if self.comm.rank == 0 else [])
 
-    def _saver(self, directory, observers):
-        """Return the function that writes a checkpoint."""
+    def _saver(self, directory, observers, guards):
+        """Return the function that writes a checkpoint, of a state that the guards let pass: what is wrong must not take the place of what was right."""
         def save(stepper):
+            for guard in guards:
+                guard.observe(stepper)
             entries = {key: entry for each in (stepper, *observers) for key, entry in each.state().items()}
             header = {"step": stepper.step, "time": stepper.time, "dt": self.problem.dt, "scene": self.scene.given(), "scene_file": str(Path(self.scene.source).absolute()),
                       "scene_sha256": self._digest, "files": self.files, "versions": versions(), "host": platform.node()}
@@ -288,5 +294,8 @@ def _compile_first_on_each_node(comm, scene):
         if node.rank == 0:
             from pdhpc.warm_up import compile_scene
 
-            compile_scene(scene, MPI.COMM_SELF)
+            try:
+                compile_scene(scene, MPI.COMM_SELF)
+            except OSError as error:
+                raise OutputError(f"{error.filename or 'the folder of compiled kernels'}: cannot be written ({error.strerror}); NUMBA_CACHE_DIR names another folder") from error
     node.Free()

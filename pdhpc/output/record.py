@@ -1,4 +1,5 @@
 """The output folder and its small files: claimed once, written whole or not at all."""
+import contextlib
 import errno
 import json
 import math
@@ -147,6 +148,14 @@ def write_text(path, text):
 def write_json(path, data):
     """Replace a JSON file in one step, see `plain`."""
     write_text(path, json.dumps(plain(data), indent=2, allow_nan=False) + "\n")
+
+
+def note_failure(directory, error, **state):
+    """Let the run.json of a run that goes on say that it failed, if it can be read and written; state : what else is known now. Local."""
+    path = Path(directory) / "run.json"
+    with contextlib.suppress(OSError, ValueError, OutputError):
+        record = json.loads(path.read_text(encoding="utf-8"))
+        write_json(path, {**record, "status": "failed", "error": f"{type(error).__name__}: {error}", **state})
 
 
 def plain(value):

@@ -1,13 +1,16 @@
 """Communicators, errors that every rank agrees on, and sums that do not depend on the number of ranks."""
 import contextlib
-import logging
 import math
+import pickle
 import sys
+import time
 import traceback
 
 import numpy as np
 
 from pdhpc.jit import kernel
+
+_TURN, _TURNS = 0.5, 5.0  # s, between two ranks that failed, and for all of them
 
 
 def world():
@@ -24,8 +27,8 @@ def _install_abort_hook(comm):
         return
 
     def abort(kind, error, trace):
-        sys.stderr.write(f"rank {comm.rank} of {comm.size}:\n")
-        traceback.print_exception(kind, error, trace)
+        await_turn(comm, error)
+        sys.stderr.write(f"rank {comm.rank} of {comm.size}:\n{''.join(traceback.format_exception(kind, error, trace))}")
         sys.stderr.flush()
         comm.Abort(1)
 
@@ -33,12 +36,35 @@ def _install_abort_hook(comm):
     sys.excepthook = abort
 
 
-def abort(comm, sentence):
-    """End the whole job with exit code 1 and a sentence: others wait for this rank where no error of its own can reach them. Local."""
-    logging.getLogger("pdhpc").critical(sentence)
-    sys.stderr.write(f"pdhpc: {sentence}\n")
-    sys.stderr.flush()
-    comm.Abort(1)
+def await_turn(comm, error):
+    """Wait until this rank may speak of an error that it did not expect. Local.
+
+    The first rank that speaks ends the job, so that of many ranks with the same error one is heard: that on which it was raised, where ranks agreed on it,
+    else the lowest.
+    """
+    if getattr(error, "had_turn", False):
+        return
+    error.had_turn, first = True, getattr(error, "raised_by", None)
+    if first is None:
+        time.sleep(min(_TURN * comm.rank, _TURNS * comm.rank / comm.size))
+    elif first != comm.rank:
+        time.sleep(_TURNS)
+
+
+def _portable(comm, error):
+    """Return an error of this rank as other ranks can have it: it remembers who raised it, by its rank in the whole job."""
+    from mpi4py import MPI
+
+    if comm.size == 1:
+        return error
+    error.raised_by = MPI.COMM_WORLD.rank
+    try:
+        pickle.loads(pickle.dumps(error))
+    except Exception:
+        other = RuntimeError(f"{type(error).__name__}: {error}")
+        other.raised_by = error.raised_by
+        return other
+    return error
 
 
 @contextlib.contextmanager
@@ -55,7 +81,7 @@ def agree_on_error(comm):
     failing = comm.allreduce(comm.rank if error is not None else comm.size, op=_op("MIN"))
     if failing == comm.size:
         return
-    agreed = comm.bcast(error, root=failing)
+    agreed = comm.bcast(None if error is None else _portable(comm, error), root=failing)
     if comm.rank == failing:
         raise error
     raise agreed
@@ -69,9 +95,9 @@ def on_root(comm, action, *args):
             outcome = action(*args)
         except Exception as caught:
             failure = caught
-    outcome, failure = comm.bcast((outcome, failure), root=0)
-    if failure is not None:
-        raise failure
+    outcome, told = comm.bcast((outcome, None if failure is None else _portable(comm, failure)), root=0)
+    if told is not None:
+        raise failure or told
     return outcome
 
 

@@ -1,8 +1,10 @@
 import json
+import signal
 
 import numpy as np
 import pytest
 
+from pdhpc.output.checkpoint import generations
 from pdhpc.output.fields import frame_times, read_frame, read_points
 from pdhpc.output.history import read_history
 from pdhpc.output.record import OutputError
@@ -178,3 +180,38 @@ def test_an_equilibrium_that_is_not_found_ends_with_an_error_and_a_record(tmp_pa
     history = read_history(tmp_path / "out" / "history.csv")
     assert history["step"][-1] == record["steps"] and history["broken_in_step"][-1] > 0, "the load step that failed is there to be seen"
     assert frame_times(tmp_path / "out")[-1][1] == record["steps"] and read_frame(tmp_path / "out")[2]["damage"].max() > 0
+
+
+def test_what_is_not_finite_is_not_saved(tmp_path, comm):
+    """Nor does it stop as if all were well when a signal asks for that: the guard looks every 100 steps, and before each checkpoint."""
+    scene = parse_scene(plate((8, 8), extra=MOVING) + "\n[checkpoint]\nsteps = 4\n", "t", ["time.end=60.0", "time.dt=0.5", "output.frames=1"])
+    simulation = Simulation(scene, comm)
+    once = simulation.stepper.advance
+
+    def advance():
+        once()
+        if simulation.stepper.step == 10:
+            particles = simulation.problem.subdomain.particles
+            particles.velocity[particles.slots[5]] = np.nan
+
+    simulation.stepper.advance = advance
+    with pytest.raises(RunError, match="not finite at step 12"):
+        simulation.run(tmp_path, quiet=True)
+    assert [int(path.stem.split("_")[1]) for path in generations(tmp_path)] == [8, 4]
+
+
+@pytest.mark.parametrize("kind", [KeyError, KeyboardInterrupt])
+def test_what_nobody_expected(tmp_path, comm, kind):
+    """It goes on to the caller; run.json tells of it, unless somebody was in a hurry; signals are what they were."""
+    simulation = Simulation(parse_scene(plate((4, 4), extra=MOVING), "t", ["output.frames=1"]), comm)
+    before = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1)]
+
+    def advance():
+        raise kind("lost")
+
+    simulation.stepper.advance = advance
+    with pytest.raises(kind):
+        simulation.run(tmp_path, quiet=True)
+    record = json.loads((tmp_path / "run.json").read_text())
+    assert (record["status"], record.get("error")) == (("failed", "KeyError: 'lost'") if kind is KeyError else ("running", None))
+    assert before == [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1)]

@@ -8,7 +8,7 @@ import sys
 import numpy as np
 import pytest
 
-from pdhpc.output.record import Lock, OutputError, check_directory, claim_directory, write_json, write_text
+from pdhpc.output.record import Lock, OutputError, check_directory, claim_directory, write_json, write_text, note_failure
 
 
 def test_json_of_numpy_and_of_what_json_cannot_say(tmp_path):
@@ -121,3 +121,13 @@ def test_a_folder_without_locks_is_said(tmp_path, monkeypatch):
     lock.take(tmp_path)
     assert "knows no locks (No locks available)" in lock.warning
     lock.release()
+
+
+def test_a_failure_that_nobody_expected_is_noted(tmp_path):
+    write_json(tmp_path / "run.json", {"status": "running", "steps": 0, "title": "t"})
+    note_failure(tmp_path, KeyError("lost"), steps=7)
+    assert json.loads((tmp_path / "run.json").read_text()) == {"status": "failed", "steps": 7, "title": "t", "error": "KeyError: 'lost'"}
+    note_failure(tmp_path / "gone", KeyError("lost"))
+    (tmp_path / "run.json").write_text("{")
+    note_failure(tmp_path, KeyError("lost"))
+    assert (tmp_path / "run.json").read_text() == "{", "what cannot be read is left"
