@@ -24,7 +24,7 @@ def versions():
 
     packages = {"pdhpc": __version__, "python": platform.python_version(), "numpy": np.__version__, "numba": numba.__version__, "mpi4py": mpi4py.__version__}
     mpi = MPI.Get_library_version().split(",")[0].split("\n")[0].strip("\0 ")
-    return {**packages, "mpi": mpi, "petsc4py": petsc4py.__version__, "h5py": h5py.__version__, "hdf5": h5py.version.hdf5_version + (" (parallel)" if h5py.get_config().mpi else "")}
+    return {**packages, "mpi": mpi, "petsc4py": petsc4py.__version__, "h5py": h5py.__version__, "hdf5": h5py.version.hdf5_version}
 
 
 def commit():
