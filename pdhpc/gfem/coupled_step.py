@@ -201,7 +201,8 @@ class CoupledStep:
     def resume(self):
         """Bring everything that follows from the state up to date, after a state was put in. Collective."""
         solution, particles, bonds = self.solution, self.local.subdomain.particles, self.local.subdomain.bonds
-        counted = self.local.bond_evaluations, self.local.particle_steps
+        entries = self._kept_entries()
+        kept_values = {key: entry.get() for key, entry in entries.items()}
         solution.refresh("displacement", "velocity", "acceleration", "previous_acceleration")
         solution.first = self.step == 0
         kept = [(field, particles.owned(field).copy()) for field in (particles.position, particles.velocity)]
@@ -213,7 +214,8 @@ class CoupledStep:
         self.scheme.settle()
         solution.evaluate(self.time)
         self.local.broken = int((bonds.initial_size - bonds.alive()).sum())
-        self.local.bond_evaluations, self.local.particle_steps = counted
+        for key, entry in entries.items():
+            entry.set(kept_values[key])
 
     def state(self):
         """Return {key: Entry} of everything a continued run needs; after the last is set, `resume`."""
@@ -227,10 +229,14 @@ class CoupledStep:
         for name in ("position", "velocity", "dissipated"):
             entries[f"particles/{name}"] = particles.entry(getattr(particles, name))
         entries["bonds"] = state.Entry(bonds.states, bonds.set_states, particles.id[: particles.n_owned])
-        for name in ("bond_evaluations", "particle_steps"):
-            entries[f"particles/{name}"] = state.number(self.local, name, int, state.SUM)
+        return {**entries, **self._kept_entries(), **solution.work_state(), **self.local.work_state()}
+
+    def _kept_entries(self):
+        """Return {key: Entry} of what following the patches anew must not change. Local."""
+        entries = {f"particles/{name}": state.number(self.local, name, int, state.SUM) for name in ("bond_evaluations", "particle_steps")}
+        entries["mesh/refused"] = state.number(self.patches, "refused", int, state.SUM)
         entries["scheme/lost"] = state.number(self.scheme, "lost", of=state.SUM)
-        return {**entries, **solution.work_state(), **self.local.work_state()}
+        return {**entries, **self.scheme.entries()}
 
     def _timed(self, name):
         return Timer(self._stages, name)

@@ -43,6 +43,10 @@ class Galerkin:
         self.mass.update(patches.chosen, self.local.points, self.solution.outside_mass)
         self.state = PointState(self.local)
 
+    def entries(self):
+        """Return {key: Entry} of what a continued run needs beside the solution: nothing. Local."""
+        return {}
+
     def settle(self):
         """Take the particles' state as that of the global solution. Local."""
         self.state.remember()

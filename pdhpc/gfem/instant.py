@@ -11,6 +11,7 @@ import numpy as np
 from pdhpc.gfem.enriched_step import enriched_step
 from pdhpc.gfem.galerkin import Galerkin
 from pdhpc.gfem.point_state import add_at_vertices
+from pdhpc.state import number
 
 _CHECKED_EVERY = 10  # steps, after the first three: the space, and with it the critical step, changes at each
 
@@ -36,6 +37,10 @@ class Instant(Galerkin):
         """Take in new patches. Collective."""
         super().follow(patches)
         self._age = 0
+
+    def entries(self):
+        """Return {key: Entry} of the age of the space, so that its critical step is found when it would have been. Local."""
+        return {"scheme/age": number(self, "_age", int), "scheme/critical_dt": number(self, "critical_dt")}
 
     def reconstruct(self):
         """Return U - u^n, (n, dim) at the points. Local."""

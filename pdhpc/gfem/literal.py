@@ -12,6 +12,7 @@ from pdhpc.gfem.point_state import add_at_vertices, take_points
 from pdhpc.gfem.point_stress import add_stress_forces, gradient_at_points, stress_2d
 from pdhpc.mls.basis import Basis
 from pdhpc.mls.reconstruct import MovingLeastSquares
+from pdhpc.state import Entry
 
 
 class Literal(Instant):
@@ -35,6 +36,9 @@ class Literal(Instant):
         solution, local, mesh = self.solution, self.local, self.solution.mesh
         solution.follow(patches, np.zeros(len(mesh.points)), patches.enriched[: mesh.n_owned_cells])
         super().follow(patches)
+        before = mesh.exchange.bind(self._nodes_before)
+        before.refresh()
+        before.free()
         points = local.points
         held = local.lattice.slots_of(points.cell) >= 0
         number = np.broadcast_to(np.arange(held.shape[1]), held.shape)[held]
@@ -48,6 +52,28 @@ class Literal(Instant):
         _, new, old = np.intersect1d(points.slots, slots, return_indices=True)
         self._before[new], self._gradient[new] = before[old], gradient[old]
         self._eta = np.zeros_like(self._before)
+
+    def entries(self):
+        """Return what Instant.entries does, u^{n-1}, and grad u^n at the points, by particle: NaN at others. Local."""
+        particles, mesh = self.local.subdomain.particles, self.solution.mesh
+        n, ids = mesh.n_owned, particles.id[: particles.n_owned]
+        nodes = Entry(lambda: self._nodes_before[:n], lambda values: np.copyto(self._nodes_before[:n], values), mesh.vertex_id[:n])
+        points = [Entry(lambda at=at: self._by_particle(at), lambda values, at=at: self._know(at, values), ids) for at in (1, 2)]
+        return {**super().entries(), "scheme/nodes_before": nodes, "scheme/before": points[0], "scheme/gradient": points[1]}
+
+    def _by_particle(self, at):
+        """Return rows of owned particles of one of the fields that are known at points. Local."""
+        particles, values = self.local.subdomain.particles, self._known[at]
+        by_slot = np.full((len(particles.position), *values.shape[1:]), np.nan)
+        by_slot[self._known[0]] = values
+        return by_slot[particles.slots]
+
+    def _know(self, at, values):
+        """Take one of the fields at points from rows of owned particles. Local."""
+        there = np.isfinite(values.reshape(len(values), -1)).all(axis=1)
+        known = list(self._known)
+        known[0], known[at] = self.local.subdomain.particles.slots[there], np.array(values[there])
+        self._known = tuple(known)
 
     def reconstruct(self):
         """Return u_PD at the points, (n, dim); its gradient is kept. Local."""

@@ -4,18 +4,21 @@ import numpy as np
 from pdhpc.conditions.loads import BodyForce
 from pdhpc.jit import kernel
 from pdhpc.kernels.simd import LANES
+from pdhpc.state import Entry
 
 
 class ParticleLoad:
     """A force density b f(t) on some particles of the lattice.
 
     slots (n,) int32, owned particles; vector (n, dim), N/m^3, at f = 1; cells (m,) int32, owned cells that hold one of them; nodal (m, corners, dim), N, their
-    sum_p V_p N_i b_p.
+    sum_p V_p N_i b_p. ids (n,) int64, of the particles.
     """
 
     def __init__(self, lattice, subdomain, slots, vector, time_function):
         """lattice : CellLattice. Local."""
         self.slots, self.vector, self.time_function = slots.astype(np.int32), np.ascontiguousarray(vector, float), time_function
+        self.ids = subdomain.particles.ids_at(self.slots)
+        self._work, self._acting, self._chosen = np.zeros(len(self.slots)), None, None
         cell, number = lattice.cell_of(self.slots)
         self.cells, at = np.unique(cell, return_inverse=True)
         self.nodal = np.zeros((len(self.cells), lattice.shape.shape[1], lattice.mesh.dim))
@@ -23,9 +26,27 @@ class ParticleLoad:
         _sum_in_cells(at, number, lattice.shape, volume, self.vector, self.nodal)
 
     def within(self, inside):
-        """Return the BodyForce on those of its particles that inside (n_slots,) bool marks. Local."""
-        chosen = inside[self.slots]
-        return BodyForce(self.slots[chosen], self.vector[chosen], self.time_function)
+        """Return the BodyForce on those of its particles that inside (n_slots,) bool marks, with the work done on them so far. Local."""
+        work = self.work()
+        self._chosen = inside[self.slots]
+        self._acting = BodyForce(self.slots[self._chosen], self.vector[self._chosen], self.time_function)
+        self._take_work(work)
+        return self._acting
+
+    def work(self):
+        """Return (n,) J/m^3, done so far on each of its particles while it was inside. Local."""
+        if self._acting is not None:
+            self._work[self._chosen] = self._acting.work
+        return self._work
+
+    def _take_work(self, work):
+        """Go on with work (n,), J/m^3, done so far. Local."""
+        np.copyto(self._work, work)
+        self._acting.work[:] = self._work[self._chosen]
+
+    def work_entry(self):
+        """Return the Entry of the work. Local."""
+        return Entry(self.work, self._take_work, self.ids)
 
     def whole(self):
         """Return the BodyForce on all of its particles. Local."""

@@ -14,7 +14,6 @@ from pdhpc.gfem.swept import MIXED, MOVING, WHOLE, Blended, Collar, mark_rows, r
 from pdhpc.gfem.points import interpolate
 from pdhpc.kernels import blend, sweeps
 from pdhpc.kernels.simd import LANES
-from pdhpc.state import SUM, Entry
 
 
 class LocalParticles:
@@ -23,7 +22,7 @@ class LocalParticles:
     Attributes
     ----------
     subdomain, law, lattice : Subdomain of the whole body, its law, and the CellLattice. density (n_block,). alpha (n_slots,). inside (n_slots,) bool.
-    cells (n,) int32, cell_slots (n, ratio^dim) int64 : the enriched owned cells in the order they came, and their particles: bodies hold whole cells.
+    cells (n,) int32, cell_slots (n, ratio^dim) int64 : the enriched owned cells, ascending whenever they came, and their particles: bodies hold whole cells.
     rows : int32, rows swept with whole forces; moving : rows with a particle that moves. blended : Blended, cells that are watched among them. collar : Collar.
     watched (n_owned_cells,) bool : enriched cells with vertices that may still join J.
     broken, bond_evaluations : directed bonds of this rank so far. seconds : {"force", "exchange", "wait", "integrate"}.
@@ -41,7 +40,7 @@ class LocalParticles:
         self.enriched, self._weight = np.zeros(len(lattice.mesh.cells), bool), np.zeros(len(lattice.mesh.points))
         self.watched = np.zeros(lattice.mesh.n_owned_cells, bool)
         self.cells, self.cell_slots = np.empty(0, np.int32), np.empty((0, len(lattice.template)), np.int64)
-        self._positions, self.acting, self.load_work = None, [], 0.0
+        self._positions, self.acting = None, []
         self.broken, self.bond_evaluations, self.particle_steps = 0, 0, 0
         self.seconds = dict.fromkeys(("force", "exchange", "wait", "integrate"), 0.0)
         particles.block[:] = may_not_fail[particles.block]
@@ -67,14 +66,13 @@ class LocalParticles:
         self._look_around(np.flatnonzero(around))
         self._hold(np.flatnonzero(patches.around(ramped | patches.enriched) & ~patches.enriched))
         self._positions = self._exchange.restricted(self.inside).bind(self.subdomain.particles.position)
-        self.load_work = self.external_work().sum()
         self.acting = [load.within(self.inside) for load in self.loads]
         self.acting_on_lanes = [LoadOnLanes(load, self.blended) for load in self.acting]
 
     @cached_property
     def points(self):
         """Points of the enriched owned cells, ascending."""
-        return self.lattice.points_of(np.sort(self.cells), self.density)
+        return self.lattice.points_of(self.cells, self.density)
 
     @property
     def n_active(self):
@@ -95,8 +93,9 @@ class LocalParticles:
         particles.velocity[slots[owned]] = values[owned]
         self._inverse_density[slots[owned]] = 1.0 / self.density[particles.block[slots[owned]]]
         mine = np.asarray(cells[cells < mesh.n_owned_cells], np.int32)
-        self.cells = np.concatenate([self.cells, mine])
-        self.cell_slots = np.concatenate([self.cell_slots, self.lattice.slots_of(mine)])
+        cells, cell_slots = np.concatenate([self.cells, mine]), np.concatenate([self.cell_slots, self.lattice.slots_of(mine)])
+        order = np.argsort(cells)
+        self.cells, self.cell_slots = cells[order], cell_slots[order]
         self.__dict__.pop("points", None)
 
     def slots_of(self, cells):
@@ -252,16 +251,11 @@ class LocalParticles:
 
     def external_work(self):
         """Return (n,) J, contributions to the work of loads on the particles of enriched cells. Local."""
-        return np.concatenate([np.array([self.load_work]), *(load.work * self.volume for load in self.acting)])
+        return np.concatenate([np.empty(0), *(load.work * self.volume for load in self.acting)])
 
     def work_state(self):
-        """Return {key: Entry} of the work account, J."""
-        return {"work/particle_loads": Entry(lambda: self.external_work().sum(), self._start_account, SUM)}
-
-    def _start_account(self, work):
-        self.load_work = float(work)
-        for load in self.acting:
-            load.work[:] = 0.0
+        """Return {key: Entry} of the work accounts."""
+        return {f"work/particle_load_{number}": load.work_entry() for number, load in enumerate(self.loads)}
 
     def look(self, share):
         """Look for bonds of watched cells that are strained beyond a share of their limit, for `wanting` of that share. Local."""

@@ -52,6 +52,10 @@ class Pinned:
         self._means = VertexMeans(self.local.lattice, self.local.subdomain, np.flatnonzero((mixed & patches.chosen)[owned]))
         self.settle()
 
+    def entries(self):
+        """Return {key: Entry} of what a continued run needs beside the solution: nothing. Local."""
+        return {}
+
     def settle(self):
         """Bring what follows from the particles, nodal means in J and forces of elements, up to date. Collective over neighbours."""
         self._means.store(self.local.subdomain.particles.position, self.solution.displacement)
