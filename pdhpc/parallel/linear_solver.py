@@ -329,6 +329,8 @@ class MatrixSolver:
         self._ksp.getPC().setType(defaults.preconditioner)
         self._ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
         self._ksp.setTolerances(rtol=defaults.tolerance, atol=1e-300, max_it=defaults.iterations)
+        if comm.size > 2:  # two parts have one sum
+            _add_in_one_order()
         _take_options(self._ksp, prefix, sizes[1])
         self._right, self._x = self._matrix.createVecs()
 
@@ -347,6 +349,15 @@ class MatrixSolver:
         if not int(self._ksp.reason) > 0:
             raise SolverError(_failure(self._ksp, self.prefix))
         return self._x.getArray().copy()
+
+
+def _add_in_one_order():
+    """Let multigrid form its coarse matrices the way that adds what ranks sent in their order; the others add it as it arrives, another sum in each run. Local."""
+    from petsc4py import PETSc
+
+    options = PETSc.Options()
+    if not options.hasName("matptap_via"):
+        options.setValue("matptap_via", "allatonce")
 
 
 def _near_null_space(matrix, vectors, comm):
