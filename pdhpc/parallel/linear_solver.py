@@ -1,4 +1,5 @@
 """The only KSP: linear systems whose operator is a function or a matrix, solved by PETSc on the ranks that hold them."""
+import contextlib
 import re
 from typing import NamedTuple
 
@@ -329,9 +330,8 @@ class MatrixSolver:
         self._ksp.getPC().setType(defaults.preconditioner)
         self._ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
         self._ksp.setTolerances(rtol=defaults.tolerance, atol=1e-300, max_it=defaults.iterations)
-        if comm.size > 2:  # two parts have one sum
-            _add_in_one_order()
-        _take_options(self._ksp, prefix, sizes[1])
+        with _adding_in_one_order(comm):
+            _take_options(self._ksp, prefix, sizes[1])
         self._right, self._x = self._matrix.createVecs()
 
     def solve(self, right, guess=None):
@@ -351,13 +351,23 @@ class MatrixSolver:
         return self._x.getArray().copy()
 
 
-def _add_in_one_order():
-    """Let multigrid form its coarse matrices the way that adds what ranks sent in their order; the others add it as it arrives, another sum in each run. Local."""
+@contextlib.contextmanager
+def _adding_in_one_order(comm):
+    """Let multigrid form its coarse matrices, meanwhile, the way that adds what ranks sent in their order.
+
+    PETSc's other ways add it as it arrives, so that each run has other sums where there are more than two. It knows this one on several ranks alone.
+    """
     from petsc4py import PETSc
 
-    options = PETSc.Options()
-    if not options.hasName("matptap_via"):
-        options.setValue("matptap_via", "allatonce")
+    options, name = PETSc.Options(), "matptap_via"
+    if comm.size < 3 or options.hasName(name):
+        yield
+        return
+    options.setValue(name, "allatonce")
+    try:
+        yield
+    finally:
+        options.delValue(name)
 
 
 def _near_null_space(matrix, vectors, comm):
