@@ -83,7 +83,7 @@ class Implicit:
         """Return {key: Entry} of everything a continued run needs; after the last is set, `resume`."""
         entries = {name: self.nodes.entry(getattr(self.nodes, name)) for name in ("displacement", "velocity")}
         entries.update(work=state.rows(self._work, self.nodes.ids), applied=state.rows(self._applied, self.nodes.ids))
-        return {**entries, "step": state.number(self, "step", int)}
+        return {**entries, "step": state.number(self, "step", int), "iterations": state.number(self, "iterations", int)}
 
     def resume(self):
         """Nothing follows from the state. Local."""

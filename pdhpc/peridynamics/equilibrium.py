@@ -264,14 +264,19 @@ class Equilibrium:
             entries[name] = state.Entry(lambda name=name: getattr(self, f"_{name}"), lambda value, name=name: setattr(self, f"_{name}", np.array(value)), ids)
         for name, value in self.totals.items():
             entries[f"totals/{name}"] = state.item(self.totals, name, type(value))
+        entries["bond_evaluations"] = state.Entry(lambda: self.bond_evaluations["body"], self._count_from, state.SUM)
         return {**entries, "step": state.number(self, "step", int), "reference": state.number(self, "reference")}
+
+    def _count_from(self, evaluations):
+        self.internal.bond_evaluations, self._breaking.bond_evaluations = int(evaluations), 0
 
     def resume(self):
         """Bring everything that follows from the state up to date, after a state was put in. Collective."""
-        particles, bonds = self.subdomain.particles, self.subdomain.bonds
+        particles, bonds, evaluations = self.subdomain.particles, self.subdomain.bonds, self.bond_evaluations["body"]
         self._find_loads(self.time)
         particles.place()
         self.evaluate()
+        self._count_from(evaluations)
         self.changed = True
         self._breaking.broken = int((bonds.initial_size - bonds.alive()).sum())
 

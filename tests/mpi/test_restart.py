@@ -17,6 +17,7 @@ from pdhpc.scene.read import parse_scene
 from pdhpc.simulation import Simulation
 from pdhpc.state import EVERYWHERE, SUM, Entry
 from pdhpc.study.verify.fracture import GROWING_CRACK
+from tests.going_on import CASES, ON_RANKS, answer, close, resume, run, same, same_record
 
 
 @pytest.fixture
@@ -121,4 +122,23 @@ def test_a_crack_goes_on_bit_for_bit(comm, folder, path, before, after):
             assert all(np.array_equal(one[name][order[0]], other[name][order[1]]) for name in one), frame
         one, other = (read_history(folder / out / "history.csv") for out in ("whole", "stopped"))
         assert all(np.array_equal(one[column], other[column], equal_nan=True) for column in one)
+    comm.Barrier()
+
+
+@pytest.mark.mpi(min_size=2)
+@pytest.mark.parametrize("name", ON_RANKS)
+def test_every_method_goes_on(comm, folder, name):
+    """As if it had not been stopped, digit for digit, on as many ranks; on one, as far as it depends on the number of ranks at all."""
+    case = CASES[name]
+    record = run(case, comm, folder)
+    whole = on_root(comm, answer, folder)
+    at_step = np.searchsorted(whole.history["step"], case.step)
+    assert (whole.history["broken_bonds"][-1] > whole.history["broken_bonds"][at_step]) == case.breaks
+    again = resume(case, comm, folder)
+    same(on_root(comm, answer, folder), whole)
+    same_record(again, record)
+    alone = group(comm, 1)
+    if alone is not None:
+        resume(case, alone, folder)
+        close(answer(folder), whole, case.elsewhere)
     comm.Barrier()

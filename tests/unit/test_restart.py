@@ -15,6 +15,7 @@ from pdhpc.study.verify.bodies import cracked, write_table
 from pdhpc.study.verify.case import plate
 from pdhpc.study.verify.fracture import GROWING_CRACK
 from pdhpc.study.verify.static import still
+from tests import going_on
 
 SHORT = ["time.end=14e-6", "output.frames=7", "tip.crack.window=2e-6"]
 
@@ -170,3 +171,16 @@ def test_the_load_path_of_a_body_at_rest_is_fixed(tmp_path, comm):
     run(tmp_path, comm, text, ["output.frames=1"], steps=1)
     with pytest.raises(SceneError, match="time.end = 9; allowed is 1: the load path of a body that stands still is fixed"):
         resume(tmp_path, comm, ["time.end=9.0"])
+
+
+ALONE = {**{name: case for name, case in going_on.CASES.items() if name not in going_on.ON_RANKS or name in ("pinned", "galerkin")}, **going_on.COMPARATORS}
+
+
+@pytest.mark.parametrize("name", ALONE)
+def test_every_method_goes_on(tmp_path, comm, name):
+    """The rest, and patches that have grown for long: what follows from the state is summed up in the same order."""
+    record = going_on.run(ALONE[name], comm, tmp_path)
+    expected = going_on.answer(tmp_path)
+    again = going_on.resume(ALONE[name], comm, tmp_path)
+    going_on.same(going_on.answer(tmp_path), expected)
+    going_on.same_record(again, record)

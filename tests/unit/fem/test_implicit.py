@@ -33,7 +33,7 @@ def test_prescribed_components_move_and_their_forces_work(comm, quantity):
     assert (nodes.velocity == 7.0).all() and stepper.time == 1.0
     first = 0.25 if quantity == "displacement" else 0.0625  # the force grows from 0 to 2 N over the first step; there are two vertices
     assert stepper._work.sum() == pytest.approx(2 * (0.5 * 2.0 * first + 2.0 * (moved - first)))
-    assert set(stepper.state()) == {"displacement", "velocity", "work", "applied", "step"} and stepper.bond_evaluations == {}
+    assert set(stepper.state()) == {"displacement", "velocity", "work", "applied", "step", "iterations"} and stepper.bond_evaluations == {}
 
 
 def test_refreshed_fields_are_in_the_order_of_vertices(comm):
