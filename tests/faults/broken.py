@@ -1,4 +1,4 @@
-"""Inputs that are broken: scenes from those in runs/, meshes, tables, checkpoints; python -m tests.faults.broken [TIMES] tries many."""
+"""Inputs that are broken: scenes from those in runs/, meshes, tables, checkpoints; tools/broken tries many."""
 import contextlib
 import copy
 import io
@@ -264,4 +264,5 @@ if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as place:
         try_all(world(), int(sys.argv[1]) if len(sys.argv) > 1 else 2000, Path(world().bcast(place)))
         world().Barrier()
-    print("every one was accepted, or refused in one sentence")
+    if world().rank == 0:
+        print("every one was accepted, or refused in one sentence")

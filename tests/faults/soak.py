@@ -1,4 +1,4 @@
-"""Kill a random rank of a run at a random moment, see that the job ends, and go on from its checkpoint: python -m tests.faults.soak [TIMES] [RANKS] [METHOD ...]."""
+"""Kill a random rank of a run at a random moment, see that the job ends, and go on from its checkpoint: tools/soak."""
 import contextlib
 import os
 import random

@@ -1,4 +1,4 @@
-"""Two hundred broken inputs in one process; on several ranks: tests/mpi/test_bad_input.py; python -m tests.faults.broken tries thousands."""
+"""Two hundred broken inputs in one process; on several ranks: tests/mpi/test_bad_input.py; tools/broken tries thousands."""
 from tests.faults.broken import try_all
 
 
