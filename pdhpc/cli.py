@@ -235,7 +235,7 @@ def _check(options):
 def _view(options):
     from pathlib import Path
 
-    from pdhpc.output.record import OutputError, refusal
+    from pdhpc.output.record import refusal, unreadable
 
     record = Path(options.directory) / "run.json"
     if not record.is_file():
@@ -245,14 +245,9 @@ def _view(options):
     from pdhpc.scene.read import scene_from_dict
     from pdhpc.scene.schema import SceneError
 
-    try:
+    with unreadable(lambda why: refusal(f"{options.directory}: its files cannot be read ({why}); allowed is the folder of a run as it was left"), SceneError):
         scene = scene_from_dict(json.loads(record.read_text(encoding="utf-8"))["scene"], str(record))
         pictures = _draw(options.directory, scene, **_view_of(options, scene))
-    except (SceneError, OutputError):
-        raise
-    except (OSError, KeyError, ValueError, IndexError, TypeError, MemoryError, RuntimeError) as damage:  # what h5py, json and numpy say of damaged files
-        words = " ".join(str(damage).split()) or type(damage).__name__
-        raise refusal(f"{options.directory}: its files cannot be read ({words}); allowed is the folder of a run as it was left") from None
     for path in pictures:
         print(path)
     return 0

@@ -23,7 +23,8 @@ class Observer:
         """Look at the initial state. Collective."""
 
     def take_up(self, stepper):
-        """Look at what the run that goes on has left, before anything is changed; raise what keeps it from going on. Collective."""
+        """Look at what the run that goes on has left, before anything is changed; return warnings, raise what keeps it from going on. Collective."""
+        return []
 
     def resume(self, stepper):
         """Look at the state that a run goes on from, in the place of `start`. Collective."""

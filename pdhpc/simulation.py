@@ -147,7 +147,7 @@ class Simulation:
         with _solver_errors():
             self.stepper.resume()
         for each in observers:
-            each.take_up(self.stepper)
+            self._warn(each.take_up(self.stepper))
         return observers
 
     def _drive(self, directory, observers, resumed=False):

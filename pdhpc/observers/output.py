@@ -11,7 +11,7 @@ class FieldOutput(Observer):
     def __init__(self, writer, names, steps, computed=None):
         """computed : {name: function () -> field}, Collective, of fields that the view does not have."""
         self.writer, self.names, self.steps, self.computed = writer, names, steps, computed or {}
-        self._last = None
+        self._last, self._anew = None, False
 
     def start(self, stepper):
         """Write the particles and the initial state. Collective."""
@@ -32,10 +32,14 @@ class FieldOutput(Observer):
 
     def take_up(self, stepper):
         """Find the frames that are there. Collective."""
-        self.writer.take_up(stepper.view.ids, stepper.step)
+        warnings = self.writer.take_up(stepper.view.ids, stepper.step)
+        self._anew = warnings is None
+        return [f"{self.writer.directory}: its fields are not there any more: they begin anew at step {stepper.step}"] if self._anew else warnings
 
     def resume(self, stepper):
-        """Go on behind the frames that are there. Collective."""
+        """Go on behind the frames that are there, or begin anew without any. Collective."""
+        if self._anew:
+            return self.start(stepper)
         self.writer.resume()
         self._last = self.writer.frames[-1][1] if self.writer.frames else None
 
@@ -70,6 +74,7 @@ class HistoryOutput(Observer):
     def take_up(self, stepper):
         """Find the rows that are there. Collective."""
         self._last = self.history.take_up(stepper.step)
+        return [f"{self.history.path}: is not there any more: it begins anew at step {stepper.step}"] if self._last is None else []
 
     def resume(self, stepper):
         """Go on behind the rows that are there; gauges look at the present state. Collective."""
@@ -77,6 +82,8 @@ class HistoryOutput(Observer):
         stepper.view.prepare()
         for gauge in self.gauges:
             gauge.read(stepper)
+        if self._last is None:
+            self.observe(stepper)
 
     def state(self):
         """Return {key: Entry} of the gauges."""

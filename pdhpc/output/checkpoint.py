@@ -16,8 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pdhpc.output.record import OutputError, plain
-from pdhpc.output.rows_file import Rows, reason, write_file
+from pdhpc.output.record import OutputError, plain, unreadable
+from pdhpc.output.rows_file import Rows, write_file
 from pdhpc.parallel.comm import agree_on_error, largest, on_root
 from pdhpc.parallel.travel import fetch_rows
 from pdhpc.state import EVERYWHERE, SUM
@@ -126,15 +126,13 @@ def read_header(path):
     """
     import h5py
 
-    try:
+    with unreadable(lambda why: Damaged(f"{path}: damaged: {why}")):
         with h5py.File(path, "r") as file:
             text, crc = file.attrs["header"], int(file.attrs["header_crc"])
         text = text.decode() if isinstance(text, bytes) else text
         if zlib.crc32(text.encode()) != crc:
             raise Damaged(f"{path}: damaged: its header does not match its checksum")
         header = json.loads(text)
-    except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
-        raise Damaged(f"{path}: damaged: {reason(error)}") from error
     if header.get("format") != FORMAT:
         raise Damaged(f"{path}: format {header.get('format')}; allowed is {FORMAT}, that of this version of pdhpc")
     return header
@@ -178,7 +176,7 @@ def _read(comm, path, writers, names):
     import h5py
 
     first, last = (-(-writers * rank // comm.size) for rank in (comm.rank, comm.rank + 1))  # rank 0 always has the first
-    try:
+    with unreadable(lambda why: Damaged(f"{path}: damaged: {why}")):
         with h5py.File(path, "r") as file:
             ranks = _checked_ranks(path, file["ranks"], first, last, 2 * len(names) + 3)
             begin, end = (ranks[0, -2], ranks[-1, -2:].sum()) if last > first else (0, 0)
@@ -194,8 +192,6 @@ def _read(comm, path, writers, names):
                     dataset.read_direct(values, np.s_[start:stop], np.s_[:])
                 _check_pieces(path, name, values, start, pieces[pieces[:, 0] == number])
                 found[name] = values
-    except (OSError, RuntimeError, KeyError, ValueError, IndexError, TypeError) as error:
-        raise Damaged(f"{path}: damaged: {reason(error)}") from error
     return found
 
 

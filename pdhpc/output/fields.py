@@ -10,13 +10,14 @@ leaves all finished frames readable. Datasets are contiguous and uncompressed; e
 Vectors have three components, tensors nine, so that ParaView shows them in 2D too.
 """
 import json
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from pdhpc.output.record import OutputError, refusal, write_text
-from pdhpc.output.rows_file import Rows, reason, write_file, write_small
+from pdhpc.output.record import OutputError, refusal, unreadable, write_text
+from pdhpc.output.rows_file import Rows, write_file, write_small
 from pdhpc.output.xdmf import xdmf_text
 from pdhpc.parallel.comm import agree_on_error, on_root
 from pdhpc.parallel.travel import fetch_rows, send_rows
@@ -62,15 +63,20 @@ class FieldWriter:
         on_root(self.comm, self._write_masters)
 
     def take_up(self, id, step):
-        """Find the points and the frames up to `step` of a run, behind which `resume` goes on. id (n,) int64, as given to write_points.
+        """Find the points and the frames up to `step` of a run, behind which `resume` goes on; return warnings, None without any fields.
+
+        id (n,) int64, as given to write_points.
 
         Raises
         ------
         OutputError: the files of the run cannot be read, or hold other points; exit_code 2.
         """
-        comm = self.comm
-        self.frames, self._later, (n_points, n_cells), self._kind = on_root(comm, _frames_there, self.directory, step)
-        self._cells, self._points = Rows(0, 0, n_cells), Rows(0, 0, n_points)
+        comm, found = self.comm, on_root(self.comm, _find, self.directory, step)
+        if found is None:
+            return None
+        n_points = found.points
+        self.frames, self._later, self._kind = found.frames, found.later, found.kind
+        self._cells, self._points = Rows(0, 0, found.cells), Rows(0, 0, n_points)
         first, last = n_points * comm.rank // comm.size, n_points * (comm.rank + 1) // comm.size
         with agree_on_error(comm):
             there = _read_ids(self.directory, first, last)
@@ -81,6 +87,7 @@ class FieldWriter:
         mine, = Rows.of(comm, [len(id)])
         in_turn = np.array_equal(rows, np.arange(mine.first, mine.first + len(id)))
         self._rows = None if comm.allreduce(int(in_turn)) == comm.size else rows
+        return found.warnings
 
     def resume(self):
         """Remove later frames than those that `take_up` found, and list these. Collective."""
@@ -133,29 +140,45 @@ def _make_folder(path):
         raise OutputError(f"{path}: cannot be created ({error.strerror})") from error
 
 
-def _frames_there(directory, step):
-    """Return ([frame] up to a step as FieldWriter lists them, paths of the later ones, (points, cells), kind of the cells); rank 0."""
+class Found(NamedTuple):
+    """What a run has left: frames up to a step, as FieldWriter lists them; paths of the later ones; numbers of points and cells, and their kind; warnings."""
+
+    frames: list
+    later: list
+    points: int
+    cells: int
+    kind: str
+    warnings: list
+
+
+def _find(directory, step):
+    """Return the Found of a run, None without any fields; rank 0."""
     import h5py
 
-    try:
-        with h5py.File(directory / "fields" / "points.h5", "r") as file:
-            sizes = len(file["id"]), len(file["cells"]) if "cells" in file else 0
+    folder = directory / "fields"
+    if not (directory / "fields.h5").exists() and not (folder / "points.h5").exists():
+        return None
+    with unreadable(partial(_unfit, directory)):
+        with h5py.File(folder / "points.h5", "r") as file:
+            points, cells = len(file["id"]), len(file["cells"]) if "cells" in file else 0
             kind = file.attrs["cell_kind"]
-        frames, later = [], []
+        kind = (kind.decode() if isinstance(kind, bytes) else kind) or None
+        frames, later, lost = [], [], []
         for name, at, time in frame_times(directory):
-            path = directory / "fields" / f"frame_{name}.h5"
+            path = folder / f"frame_{name}.h5"
             if at > step:
                 later.append(path)
-                continue
-            with h5py.File(path, "r") as file:
-                frames.append((name, at, time, {key: dataset.shape[1:] for key, dataset in file.items()}))
-    except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
-        raise _unfit(directory, reason(error)) from error
-    return frames, later, sizes, (kind.decode() if isinstance(kind, bytes) else kind) or None
+            elif path.exists():
+                with h5py.File(path, "r") as file:
+                    frames.append((name, at, time, {key: dataset.shape[1:] for key, dataset in file.items()}))
+            else:
+                lost.append(path.name)
+    warnings = [f"{folder}: {len(lost)} frames are not there any more ({lost[0]} and so on): they are left out"] if lost else []
+    return Found(frames, later, points, cells, kind, warnings)
 
 
 def _unfit(directory, why):
-    return refusal(f"{directory}: its fields cannot be continued ({why}); allowed are fields.h5 and fields/ as the run left them")
+    return refusal(f"{directory}: its fields cannot be continued ({why}); allowed are fields.h5 and fields/ as the run left them, or none")
 
 
 def _remove(paths):
@@ -166,11 +189,9 @@ def _remove(paths):
 def _read_ids(directory, first, last):
     import h5py
 
-    try:
+    with unreadable(partial(_unfit, directory)):
         with h5py.File(directory / "fields" / "points.h5", "r") as file:
             return np.asarray(file["id"][first:last], np.int64)
-    except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
-        raise _unfit(directory, reason(error)) from error
 
 
 def read_points(directory):

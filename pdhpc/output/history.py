@@ -23,7 +23,7 @@ class History:
         on_root(self.comm, self._write, "w", self.columns)
 
     def take_up(self, step):
-        """Read the rows up to a step, which `resume` keeps; return the last step, or -1. Collective.
+        """Read the rows up to a step, which `resume` keeps; return the last step, -1 without a row, None without a file. Collective.
 
         Raises
         ------
@@ -36,6 +36,9 @@ class History:
         on_root(self.comm, self._keep)
 
     def _read(self, step):
+        if not self.path.exists():
+            self._kept = []
+            return None
         try:
             with open(self.path, newline="", encoding="utf-8") as file:
                 rows = list(csv.reader(file.read().split("\n")[:-1]))
@@ -44,7 +47,7 @@ class History:
             number = self.columns.index("step")
             self._kept = [row for row in rows[1:] if len(row) == len(self.columns) and int(row[number]) <= step]
         except (OSError, ValueError, csv.Error) as error:
-            raise refusal(f"{self.path}: cannot be continued ({getattr(error, 'strerror', None) or error}); allowed is the history as the run left it") from error
+            raise refusal(f"{self.path}: cannot be continued ({getattr(error, 'strerror', None) or error}); allowed is the history as the run left it, or none") from error
         return int(self._kept[-1][number]) if self._kept else -1
 
     def _keep(self):

@@ -28,6 +28,23 @@ def refusal(sentence):
     return error
 
 
+def reason(error):
+    """Return the system's word on an error, or the first line of the library's."""
+    lines = str(error).splitlines()
+    return getattr(error, "strerror", None) or (lines[0].split(": time =")[0] if lines else type(error).__name__)
+
+
+@contextlib.contextmanager
+def unreadable(refuse, *known):
+    """Raise what refuse(reason) makes of all that h5py, json and numpy raise at damaged files; an OutputError, and `known` ones, stay what they are."""
+    try:
+        yield
+    except (OutputError, *known):
+        raise
+    except (OSError, RuntimeError, KeyError, ValueError, IndexError, TypeError, AttributeError, OverflowError, MemoryError) as error:
+        raise refuse(reason(error)) from error
+
+
 def check_directory(path, overwrite):
     """Raise an OutputError unless a run may be written to `path`; change nothing."""
     path = Path(path)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pdhpc.output.record import OutputError, part_of
+from pdhpc.output.record import OutputError, part_of, reason
 from pdhpc.parallel.comm import on_root
 
 _OVERHEAD = 1 << 16  # bytes of HDF5 beside the data, at most about
@@ -119,11 +119,6 @@ def write_small(path, fill):
         _remove(path.with_name(path.name + ".part"))
         raise OutputError(f"{path}: cannot be written ({error.strerror})") from error
     publish(part, path)
-
-
-def reason(error):
-    """Return the system's word on an error, or the first line of the library's."""
-    return getattr(error, "strerror", None) or str(error).splitlines()[0].split(": time =")[0]
 
 
 def _make_room(path, part, size, more):

@@ -99,6 +99,29 @@ def test_a_run_whose_files_are_damaged_is_left_as_it_is(tmp_path, comm, name):
     assert caught.value.exit_code == 2 and contents(tmp_path) == before
 
 
+def test_what_users_removed_begins_anew(tmp_path, comm):
+    """To make room on a disk, say; the state is that of the checkpoint."""
+    overrides = ["output.frames=4", "time.dt=0.1", "time.end=8.0"]
+    run(tmp_path / "whole", comm, plate((6, 4)), overrides)
+    run(tmp_path / "cut", comm, plate((6, 4)), overrides, steps=30)
+    whole, cut = tmp_path / "whole", tmp_path / "cut"
+    (cut / "fields" / "frame_000020.h5").unlink()
+    record = resume(cut, comm)
+    assert any("1 frames are not there any more (frame_000020.h5 and so on): they are left out" in warning for warning in record["warnings"])
+    assert [step for _, step, _ in frame_times(cut)] == [0, 40, 60, 80] and (whole / "history.csv").read_text() == (cut / "history.csv").read_text()
+    for path in (cut / "fields").iterdir():
+        path.unlink()
+    for name in ("fields.h5", "history.csv", "run.json", "run.log"):
+        (cut / name).unlink()
+    record = resume(cut, comm)
+    assert [words for words in ("its fields are not there any more: they begin anew at step 60", "history.csv: is not there any more: it begins anew at step 60")
+            if not any(words in warning for warning in record["warnings"])] == []
+    assert [step for _, step, _ in frame_times(cut)] == [60, 80]
+    lines, rows = (whole / "history.csv").read_text().splitlines(), (cut / "history.csv").read_text().splitlines()
+    assert rows == [lines[0], *lines[-2:]]
+    assert np.array_equal(read_frame(cut)[2]["displacement"], read_frame(whole)[2]["displacement"])
+
+
 def test_what_may_not_change_is_refused_by_name(tmp_path, comm):
     run(tmp_path, comm, plate((4, 4)), ["output.frames=1", "time.end=8.0"], at_end="true")
     saved = find(tmp_path)

@@ -85,6 +85,15 @@ def test_every_flipped_bit_of_the_data_is_seen(tmp_path, comm):
             restore(comm, path, header, entries()[0])
 
 
+def test_a_damaged_one_is_named_once(tmp_path, comm):
+    path, _ = write(comm, tmp_path)
+    with h5py.File(path, "r+") as file:
+        file.attrs["header_crc"] = 1
+    with pytest.raises(Damaged) as caught:
+        read_header(path)
+    assert str(caught.value) == f"{path}: damaged: its header does not match its checksum"
+
+
 def test_files_that_are_cut_or_changed_are_damaged(tmp_path, comm):
     path, _ = write(comm, tmp_path)
     whole, header = path.read_bytes(), read_header(path)
