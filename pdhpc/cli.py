@@ -43,7 +43,7 @@ def _parser():
     _add_talk(run)
     _add_set(run)
     run.set_defaults(action=_run)
-    restart = commands.add_parser("restart", help="go on with a run from its last checkpoint, on any number of ranks", epilog="Options after -- go to PETSc.")
+    restart = commands.add_parser("restart", help="go on with a run from its last checkpoint, on any number of ranks", epilog="Options after -- go to PETSc, in the place of those of the run.")
     restart.add_argument("directory", metavar="DIR")
     _add_talk(restart)
     restart.add_argument("--set", action="append", default=[], metavar="section.key=value", dest="overrides",
@@ -163,9 +163,10 @@ def _restart(options):
     comm = world()
     saved = on_root(comm, find, options.directory)
     scene = scene_of(saved[0], options.directory, options.overrides)
-    use_options(options.petsc_options)
+    petsc_options = options.petsc_options or saved[0].header.get("petsc_options", [])
+    use_options(petsc_options)
     _show_log(options, comm)
-    simulation = Simulation(scene, comm, options.petsc_options)
+    simulation = Simulation(scene, comm, petsc_options)
     record = simulation.resume(options.directory, saved, options.quiet or options.verbose)
     if comm.rank == 0:
         _finish_on_root(scene, record, options.directory, options.quiet)
@@ -235,6 +236,10 @@ def _check(options):
 def _view(options):
     from pathlib import Path
 
+    from pdhpc.parallel.comm import world
+
+    if world().rank > 0:  # one draws
+        return 0
     from pdhpc.output.record import refusal, unreadable
 
     record = Path(options.directory) / "run.json"

@@ -1,11 +1,12 @@
 """Going on with a run: which checkpoints there are, what scene they are of, and a problem set to the state of one."""
+import json
 import math
 from pathlib import Path
 from typing import NamedTuple
 
 from pdhpc.output.checkpoint import Damaged, generations, read_header, restore
 from pdhpc.output.record import refusal
-from pdhpc.provenance import checksum
+from pdhpc.provenance import checksum, commit, versions
 from pdhpc.scene.read import changed_scene
 from pdhpc.scene.schema import SceneError
 
@@ -27,10 +28,13 @@ def find(directory):
     ------
     OutputError: there is none, or a file that the scene names is not what it was when the run read it; exit_code 2.
     """
-    found, damage = [], []
+    found, damage, run = [], [], _run_of(directory)
     for path in generations(directory):
         try:
-            found.append(Saved(path, read_header(path), "; ".join(damage) or None))
+            header = read_header(path)
+            if run is not None and header.get("run") != run:
+                raise Damaged(f"{path}: is of another run than {directory}/run.json")
+            found.append(Saved(path, header, "; ".join(damage) or None))
         except Damaged as error:
             damage.append(str(error))
     if not found:
@@ -39,12 +43,23 @@ def find(directory):
     return found
 
 
+def _run_of(directory):
+    """Return what tells a run from all others, as its run.json has it; None where that cannot be read."""
+    try:
+        return json.loads((Path(directory) / "run.json").read_text(encoding="utf-8"))["run"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
 def remarks(saved):
-    """Return [a sentence] if the scene's file is no longer what it was: it is not read again. Local."""
+    """Return sentences on what is no longer as it was: the scene's file, which is not read again, and the code. Local."""
+    before = {**saved.header["versions"], "commit": saved.header.get("commit")}
+    other = [f"{name} {before.get(name)}, now {here}" for name, here in {**versions(), "commit": commit()}.items() if before.get(name) != here]
+    found = [f"{saved.path} was written by other code ({'; '.join(other)}): digits may differ"] if other else []
     path, digest = Path(saved.header["scene_file"]), saved.header.get("scene_sha256")
     if digest is None or not path.is_file() or checksum(path) == digest:
-        return []
-    return [f"{path} was changed since the run began, which goes on with the scene as it was; allowed to change are time.end and keys of output and checkpoint, by --set"]
+        return found
+    return [*found, f"{path} was changed since the run began, which goes on with the scene as it was; allowed to change are time.end and keys of output and checkpoint, by --set"]
 
 
 def _check_files(saved):
@@ -74,13 +89,13 @@ def scene_of(saved, directory, overrides):
     scene, end = changed_scene(before, name, overrides), before["time"]["end"]
     if scene.time.end == end:
         return scene
-    if scene.stands_still:
+    if scene.stands_still or scene.model == "fem" and scene.fem.integration == "static":
         raise SceneError(f"pdhpc restart {directory}: time.end = {scene.time.end:g}; allowed is {end:g}: the load path of a body that stands still is fixed")
     return changed_scene({**before, "time": {**before["time"], "dt": saved.header["dt"]}}, name, overrides)  # "auto" is of whole steps to the former end
 
 
 def go_on(comm, saved, problem, entries):
-    """Set a run's entries to the newest of the checkpoints that can be read; return warnings. Collective.
+    """Set a run's entries to the newest of the checkpoints that can be read; return it and warnings. Collective.
 
     Raises
     ------
@@ -95,7 +110,7 @@ def go_on(comm, saved, problem, entries):
             damage = str(error)
             continue
         warnings += [words for words in (each.warning, damage) if words]
-        return [f"{'; '.join(warnings)}: the run goes on from step {each.header['step']}"] if warnings else []
+        return each, [f"{'; '.join(warnings)}: the run goes on from step {each.header['step']}"] if warnings else []
     raise refusal(f"{damage}; allowed is a checkpoint as the run left it")
 
 

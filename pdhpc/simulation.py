@@ -6,6 +6,7 @@
 import contextlib
 import platform
 import time
+import uuid
 from pathlib import Path
 
 import numpy as np
@@ -51,6 +52,7 @@ class Simulation:
         check_room(scene, self.comm)
         self.scene, self._petsc_options, self._log = scene, petsc_options, None
         self.hosts, self.files, self._digest = hosts_of(self.comm), *on_root(self.comm, checksums, scene)
+        self._commit, self._run, self._restarts, self._earlier = on_root(self.comm, commit), None, 0, {"mean": {}, "slowest": {}}
         LOG.debug("compiling kernels, or loading them")
         _compile_first_on_each_node(self.comm, scene)
         compiled = time.perf_counter()
@@ -84,6 +86,7 @@ class Simulation:
             return self._drive(None, self._observers(None, quiet))
         with self._alone(directory):
             on_root(self.comm, claim_directory, str(directory), overwrite)
+            self._run = self.comm.bcast(uuid.uuid4().hex)
             with self._logged(directory):
                 return self._drive(directory, self._observers(directory, quiet))
 
@@ -133,16 +136,19 @@ class Simulation:
             log.close()
 
     def _warn(self, sentences):
-        """Take sentences into run.json and the log. Local."""
-        self.warnings += sentences
+        """Take sentences that are new into run.json and the log. Local."""
         for sentence in sentences:
-            LOG.warning(sentence)
+            if sentence not in self.warnings:
+                self.warnings.append(sentence)
+                LOG.warning(sentence)
 
     def _restored(self, directory, saved, quiet):
         """Return the observers of a run whose state is that of a checkpoint. Collective."""
         observers = self._observers(directory, quiet)
         entries = {key: entry for each in (self.stepper, *observers) for key, entry in each.state().items()}
-        self._warn(go_on(self.comm, saved, self.problem, entries) + on_root(self.comm, remarks, saved[0]))
+        taken, warnings = go_on(self.comm, saved, self.problem, entries)
+        self._run, self._restarts, self._earlier = taken.header.get("run"), taken.header.get("restarts", 0) + 1, taken.header.get("seconds", self._earlier)
+        self._warn(taken.header.get("warnings", []) + warnings + on_root(self.comm, remarks, taken))
         LOG.info(f"goes on from step {self.stepper.step}")
         with _solver_errors():
             self.stepper.resume()
@@ -209,7 +215,9 @@ class Simulation:
                 guard.observe(stepper)
             entries = {key: entry for each in (stepper, *observers) for key, entry in each.state().items()}
             header = {"step": stepper.step, "time": stepper.time, "dt": self.problem.dt, "scene": self.scene.given(), "scene_file": str(Path(self.scene.source).absolute()),
-                      "scene_sha256": self._digest, "files": self.files, "versions": versions(), "host": platform.node()}
+                      "scene_sha256": self._digest, "files": self.files, "petsc_options": list(self._petsc_options), "versions": versions(), "commit": self._commit,
+                      "host": platform.node(), "run": self._run, "restarts": self._restarts, "warnings": self.warnings + self.problem.remarks(self.comm),
+                      "seconds": self._seconds()}
             write_checkpoint(self.comm, directory, header, entries)
 
         return save
@@ -221,18 +229,26 @@ class Simulation:
     def _write(self, directory, record):
         on_root(self.comm, write_json, Path(directory) / "run.json", record)
 
+    def _seconds(self):
+        """Return {"mean": {phase: s}, "slowest": ...} over the ranks, what was there before a restart included. Collective."""
+        phases = {**self.seconds, **self.stepper.seconds}
+        every = np.array(self.comm.allgather(list(phases.values())), float)
+        found = {"mean": dict(zip(phases, every.mean(axis=0).tolist())), "slowest": dict(zip(phases, every.max(axis=0).tolist()))}
+        return {of: {name: value + self._earlier[of].get(name, 0.0) for name, value in values.items()} for of, values in found.items()}
+
     def _record(self, status):
         """Return the content of run.json. Collective."""
         problem, stepper, comm = self.problem, self.stepper, self.comm
-        phases = {**self.seconds, **stepper.seconds}
-        slowest = {name: max(comm.allgather(seconds)) for name, seconds in phases.items()}
-        mean = {name: float(np.mean(comm.allgather(seconds))) for name, seconds in phases.items()}
+        mean, slowest = self._seconds().values()
         return {
             "status": status,
+            "run": self._run,
+            "restarts": self._restarts,
             "title": self.scene.title,
             "scene_file": self.scene.source,
             "versions": versions(),
-            "commit": commit(),
+            "commit": self._commit,
+            "petsc_options": list(self._petsc_options),
             "host": platform.node(),
             "hosts": self.hosts,
             "files": self.files,

@@ -8,7 +8,7 @@ from pdhpc.state import EVERYWHERE, Entry, number
 _LARGEST_GAP = 0.1  # of the largest relative displacement of two bonded particles of the overlap
 _NOTICEABLE = 1e-3  # of the largest displacement: what runs ahead of a wave front is no failure
 _LARGEST_ENERGY = 1.05  # of what was there at the start and came in since
-_ADVICE = "take a smaller time.dt (0.65 of the critical step is safe for finite deformations), a larger fine region, or fine.interface = \"kick\""
+_ADVICE = "take a smaller time.dt (time.safety = 0.65 is safe for finite deformations), or a larger fine region"
 
 
 class Coupling:
@@ -94,14 +94,18 @@ class CouplingGuard(Observer):
         expected = self._initial + work
         self._scale = max(self._scale, abs(expected), self._initial)
         if not stored <= expected + (_LARGEST_ENERGY - 1.0) * self._scale and self._scale > 0.0:
-            raise RunError(f"the energy of the coupled regions is {stored:.4g} J at step {stepper.step}, t = {stepper.time:.6g} s, where {expected:.4g} J were put in: {_ADVICE}")
+            raise RunError(f"the energy of the coupled regions is {stored:.4g} J at step {stepper.step}, t = {stepper.time:.6g} s, where {expected:.4g} J were put in: {_advice(stepper)}")
         gap, scale = stepper.largest_gap()
         gap, scale = largest(self.comm, gap), largest(self.comm, scale)
         most = largest(self.comm, max(float(np.abs(subdomain.particles.displacement).max(initial=0.0)) for subdomain in stepper.parts))
         if gap > _LARGEST_GAP * scale and gap > _NOTICEABLE * most:
             raise RunError(f"the two copies of the overlap are {gap:.3g} m apart at step {stepper.step}, t = {stepper.time:.6g} s, {gap / scale:.0%} of the largest relative"
-                           f" displacement of bonded particles there: {_ADVICE}")
+                           f" displacement of bonded particles there: {_advice(stepper)}")
 
     def finish(self, stepper):
         """Check the final state. Collective."""
         self.observe(stepper)
+
+
+def _advice(stepper):
+    return _ADVICE if stepper.operator.name == "kick" else f'{_ADVICE}, or fine.interface = "kick"'

@@ -86,8 +86,8 @@ class HistoryOutput(Observer):
             self.observe(stepper)
 
     def state(self):
-        """Return {key: Entry} of the gauges."""
-        return {key: entry for gauge in self.gauges for key, entry in getattr(gauge, "state", dict)().items()}
+        """Return {key: Entry} of the history and of the gauges."""
+        return {key: entry for each in (self.history, *self.gauges) for key, entry in getattr(each, "state", dict)().items()}
 
     def observe(self, stepper):
         """Append a row. Collective."""

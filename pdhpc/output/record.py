@@ -4,6 +4,7 @@ import errno
 import json
 import math
 import os
+import re
 import shutil
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import numpy as np
 OWN_FILES = ("run.json", "run.log", "history.csv", "fields.h5", "fields.xdmf", "enrichment.h5")
 OWN_FOLDERS = ("fields", "checkpoint")
 PICTURES = "*.png"
+_WRITTEN = re.compile(r"(points|frame_\d+|step_\d+)\.h5(\.part)?")  # in OWN_FOLDERS
 _LOCKED = ".lock"
 
 
@@ -123,8 +125,9 @@ def claim_directory(path, overwrite):
             if folder.is_symlink():
                 folder.unlink()
             elif folder.is_dir():
-                for file in list(folder.glob("*.h5")) + list(folder.glob("*.h5.part")):
-                    file.unlink()
+                for file in folder.iterdir():
+                    if _WRITTEN.fullmatch(file.name):
+                        file.unlink()
                 if not any(folder.iterdir()):
                     shutil.rmtree(folder)
     except OSError as error:

@@ -1,9 +1,11 @@
 """Going on in the same process: every digit as if the run had not been stopped. On several ranks: tests/mpi/test_restart.py."""
 import json
+import shutil
 
 import numpy as np
 import pytest
 
+from pdhpc import restart
 from pdhpc.output.checkpoint import generations, read_header
 from pdhpc.output.fields import frame_times, read_frame
 from pdhpc.output.record import OutputError
@@ -97,6 +99,36 @@ def test_a_run_whose_files_are_damaged_is_left_as_it_is(tmp_path, comm, name):
     with pytest.raises(OutputError, match="cannot be continued .*; allowed ") as caught:
         resume(tmp_path, comm)
     assert caught.value.exit_code == 2 and contents(tmp_path) == before
+
+
+def test_a_checkpoint_of_another_run_is_not_gone_on_from(tmp_path, comm):
+    """Of a heavier body with the same particles, put beside those of the run as a newer one."""
+    overrides = ["output.frames=4", "time.dt=0.1", "time.end=8.0"]
+    run(tmp_path / "one", comm, plate((6, 4)), overrides, steps=30)
+    run(tmp_path / "other", comm, plate((6, 4)), [*overrides, "material.solid.density=2.0"], steps=70)
+    foreign = generations(tmp_path / "other")[0]
+    shutil.copy(foreign, tmp_path / "one" / "checkpoint")
+    saved = find(tmp_path / "one")
+    assert saved[0].header["step"] == 60 and "step_000000070.h5: is of another run than" in saved[0].warning
+    for path in generations(tmp_path / "one")[1:]:
+        path.unlink()
+    with pytest.raises(OutputError, match="is of another run than .*; allowed is the folder of a run that saved its state"):
+        find(tmp_path / "one")
+
+
+def test_what_a_run_knew_is_known_after_a_restart(tmp_path, comm, monkeypatch):
+    """Warnings, seconds and PETSc options; a restart by other code is told."""
+    scene = parse_scene(plate((6, 4)) + "\n[checkpoint]\nsteps = 30\nat_end = false\n", "plate", ["output.frames=4", "time.dt=0.1", "time.end=8.0"])
+    first = Simulation(scene, comm, ["-static_ksp_rtol", "1e-9"])
+    first.warnings.append("of the first session")
+    first.seconds["setup"] += 1000.0
+    record = first.run(tmp_path, quiet=True)
+    again = resume(tmp_path, comm)
+    assert again["warnings"][0] == "of the first session" and (record["restarts"], again["restarts"]) == (0, 1) and again["run"] == record["run"]
+    assert again["seconds"]["setup"] > 1000.0 and again["seconds_slowest_rank"]["setup"] > 1000.0
+    assert record["petsc_options"] == ["-static_ksp_rtol", "1e-9"] == find(tmp_path)[0].header["petsc_options"]
+    monkeypatch.setattr(restart, "commit", lambda: "another")
+    assert any("was written by other code (commit " in warning and "now another): digits may differ" in warning for warning in resume(tmp_path, comm)["warnings"])
 
 
 def test_what_users_removed_begins_anew(tmp_path, comm):

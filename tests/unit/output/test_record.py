@@ -50,6 +50,15 @@ def test_overwriting_removes_what_a_run_wrote_and_nothing_else(tmp_path):
     assert left == {"notes.txt", "photo.png", "fields", "fields/mine.txt"}
 
 
+def test_copies_that_users_keep_are_theirs(tmp_path):
+    for name in ("checkpoint/step_000000120.h5", "checkpoint/step_000000120.h5.part", "checkpoint/old_step_000000120.h5", "checkpoint/backup.h5", "fields/points.h5",
+                 "fields/frame_000012.h5", "fields/frame_mine.h5"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text("")
+    claim_directory(tmp_path, True)
+    assert sorted(path.name for path in tmp_path.rglob("*.*")) == ["backup.h5", "frame_mine.h5", "old_step_000000120.h5"]
+
+
 def test_files_in_the_way(tmp_path):
     (tmp_path / "file").write_text("x")
     for path in (tmp_path / "file", tmp_path / "file" / "below"):
