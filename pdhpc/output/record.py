@@ -32,6 +32,9 @@ def refusal(sentence):
 
 def reason(error):
     """Return the system's word on an error, or the first line of the library's."""
+    if isinstance(error, KeyError):
+        word = str(error.args[0])
+        return word if " " in word else f"{word} is missing"
     lines = str(error).splitlines()
     return getattr(error, "strerror", None) or (lines[0].split(": time =")[0] if lines else type(error).__name__)
 

@@ -52,7 +52,14 @@ class PointFiles:
 
     def remarks(self):
         """Return sentences on what the files hold and bodies do not. Local, the same on every rank."""
-        return [sentence for (_, file), rows in self.rows.items() for sentence in repetitions(file, rows.repeated)]
+        found = [sentence for (_, file), rows in self.rows.items() for sentence in repetitions(file, rows.repeated)]
+        return found + [sentence for (shape, file), rows in self.rows.items() if shape == "table" for sentence in self._left_out(file, rows.known[0])]
+
+    def _left_out(self, file, blocks):
+        """Return [a sentence] on blocks of a table that no body takes."""
+        taken = {_group_of(body) for body in self.scene.body if (body.shape, body.file) == ("table", file)}
+        left = [] if None in taken else [block for block in blocks if block not in taken]
+        return [f"{file}: rows of block{'s' if len(left) > 1 else ''} {_listed(left)} are in no body"] if left else []
 
     def body(self, number, first_id):
         """Return the PointBody of a body, each rank with an equal piece of its points; ids from `first_id` on. Collective.

@@ -18,6 +18,7 @@ from pdhpc.study.verify.case import plate
 from pdhpc.study.verify.fracture import GROWING_CRACK
 from pdhpc.study.verify.static import still
 from tests import going_on
+from tests.faults.methods import ELEMENTS
 
 SHORT = ["time.end=14e-6", "output.frames=7", "tip.crack.window=2e-6"]
 
@@ -239,3 +240,10 @@ def test_every_method_goes_on(tmp_path, comm, name):
     again = going_on.resume(ALONE[name], comm, tmp_path)
     going_on.same(going_on.answer(tmp_path), expected)
     going_on.same_record(again, record)
+
+
+def test_the_load_of_static_elements_is_fixed_as_well(tmp_path, comm):
+    """They are one load step, whose length is time.end."""
+    run(tmp_path, comm, ELEMENTS, ["output.frames=1", "mesh.cell_size=2.0", "fem.integration=static", "load.0.value=[0.01, 0.0]"], at_end="true")
+    with pytest.raises(SceneError, match="time.end = 90; allowed is 60: the load path of a body that stands still is fixed"):
+        resume(tmp_path, comm, ["time.end=90.0"])

@@ -8,7 +8,7 @@ import sys
 import numpy as np
 import pytest
 
-from pdhpc.output.record import Lock, OutputError, check_directory, claim_directory, write_json, write_text, note_failure
+from pdhpc.output.record import Lock, OutputError, check_directory, claim_directory, reason, write_json, write_text, note_failure
 
 
 def test_json_of_numpy_and_of_what_json_cannot_say(tmp_path):
@@ -57,6 +57,11 @@ def test_copies_that_users_keep_are_theirs(tmp_path):
         (tmp_path / name).write_text("")
     claim_directory(tmp_path, True)
     assert sorted(path.name for path in tmp_path.rglob("*.*")) == ["backup.h5", "frame_mine.h5", "old_step_000000120.h5"]
+
+
+def test_reasons_are_words():
+    assert [reason(error) for error in (KeyError("scene"), KeyError("no object 'u'"), ValueError("one\ntwo"), MemoryError(), OSError(2, "No such file"))] == [
+        "scene is missing", "no object 'u'", "one", "MemoryError", "No such file"]
 
 
 def test_files_in_the_way(tmp_path):

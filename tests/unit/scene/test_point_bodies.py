@@ -65,6 +65,12 @@ def test_bodies_share_a_file_and_keep_its_rows(folder, alone):
     assert body.number_of(np.array([71, 72])).tolist() == [0, 1] and first.lower.tolist() == [10.5, 0.5]
 
 
+def test_rows_that_no_body_takes_are_told(folder, alone):
+    both = TABLE + 'block = 2\n[[body]]\nname = "rest"\nmaterial = "solid"\n' + TABLE + "block = 1\n"
+    remarks = [make_body(scene_of(folder, lines), alone).remarks for lines in (TABLE + "block = 1\n", both, TABLE)]
+    assert remarks == [("points.txt: rows of block 2 are in no body",), (), ()]
+
+
 @pytest.mark.parametrize("lines, group", [(TABLE, "2"), (MESH, "right")])
 def test_regions_of_groups(folder, alone, lines, group):
     scene = scene_of(folder, lines, f'shape = "group"\ngroup = "{group}"')
