@@ -142,14 +142,19 @@ def _drawn():
     return ("damage", "deformed", "displacement", "energies", "enrichment", "fracture", "patches", "stress", "tip")
 
 
+def part_name(path):
+    """Return the name that a file has until it is complete. Local."""
+    return path.with_name(f"{path.stem}.part{path.suffix}" if path.suffix == ".png" else f"{path.name}.part")
+
+
 def part_of(path):
-    """Return the name that a file has until it is complete. What stands there is removed, as it may be a link to another place. Local.
+    """Return part_name, where what stands there is removed, as it may be a link to another place. Local.
 
     Raises
     ------
     OSError.
     """
-    part = path.with_name(f"{path.stem}.part{path.suffix}" if path.suffix == ".png" else f"{path.name}.part")
+    part = part_name(path)
     part.unlink(missing_ok=True)
     return part
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pdhpc.output.record import OutputError, part_of, reason
+from pdhpc.output.record import OutputError, part_name, part_of, reason
 from pdhpc.parallel.comm import on_root
 
 _OVERHEAD = 1 << 16  # bytes of HDF5 beside the data, at most about
@@ -44,7 +44,7 @@ def write_file(comm, path, data, attributes):
     ------
     OutputError: on every rank, with the reason.
     """
-    part, size = path.with_name(path.name + ".part"), comm.allreduce(sum(values.nbytes for values in data.values()))
+    part, size = part_name(path), comm.allreduce(sum(values.nbytes for values in data.values()))
     rows = dict(zip(data, Rows.of(comm, [len(values) for values in data.values()])))
     kinds = {name: ((rows[name].total, *values.shape[1:]), values.dtype) for name, values in data.items()}
     places = on_root(comm, _outline, path, part, kinds, attributes, size)
@@ -116,7 +116,7 @@ def write_small(path, fill):
         part = part_of(path)
         part.write_bytes(image.getbuffer())
     except OSError as error:
-        _remove(path.with_name(path.name + ".part"))
+        _remove(part_name(path))
         raise OutputError(f"{path}: cannot be written ({error.strerror})") from error
     publish(part, path)
 
